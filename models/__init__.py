@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Object sets that come with physim-drake."""

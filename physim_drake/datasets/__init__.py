@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Reading and writing BOP datasets and results."""

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+"""The exceptions that physim-drake raises on purpose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class PhysimError(Exception):
+    """Root of every error a user can cause; the CLI prints it as one line, exits 2."""
+
+
+class InputError(PhysimError):
+    """A file, or a value in one, cannot be used.
+
+    Args:
+        source: the file (or argument) at fault.
+        problem: what is wrong with it, naming field and value.
+        remedy: what the user can do about it.
+        field: the part of the source at fault, where there is one.
+    """
+
+    def __init__(
+        self,
+        source: Path | str,
+        problem: str,
+        remedy: str = "",
+        field: str | None = None,
+    ) -> None:
+        self.source, self.problem, self.remedy, self.field = (
+            str(source),
+            problem,
+            remedy,
+            field,
+        )
+        where = f"{source}: {field}" if field else str(source)
+        super().__init__(f"{where}: {problem}" + (f"; {remedy}" if remedy else ""))
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, str, str | None]]:
+        """Pickles by the constructor's arguments, so that workers can send it."""
+        return type(self), (self.source, self.problem, self.remedy, self.field)

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Error measures and their tables."""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Pose hypotheses for one object at a time."""

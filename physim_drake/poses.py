@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: MIT
+"""Rigid transforms as 4 x 4 arrays, and the symmetries of objects.
+
+Poses follow Drake's monogram notation: ``X_AB`` is the pose of frame B in frame A,
+a (4, 4) float array, or (N, 4, 4) for many.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+
+def make_pose(R: ArrayLike | None = None, p: ArrayLike | None = None) -> Array:
+    """Returns the (4, 4) pose with rotation `R` (3, 3) and translation `p` (3,), m."""
+    X = np.eye(4)
+    if R is not None:
+        X[:3, :3] = R
+    if p is not None:
+        X[:3, 3] = p
+    return X
+
+
+def inverse(X: Array) -> Array:
+    """Inverts poses (..., 4, 4)."""
+    R_T = np.swapaxes(X[..., :3, :3], -1, -2)
+    result = np.zeros_like(X)
+    result[..., :3, :3] = R_T
+    result[..., :3, 3] = -np.einsum("...ij,...j->...i", R_T, X[..., :3, 3])
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def transform_points(X_AB: Array, p_B: Array) -> Array:
+    """Expresses points `p_B` (N, 3) in A; for (M, 4, 4) poses returns (M, N, 3)."""
+    R_T = np.swapaxes(X_AB[..., :3, :3], -1, -2)
+    return np.asarray(p_B @ R_T + X_AB[..., None, :3, 3])
+
+
+def exp_pose(xi: Array) -> Array:
+    """Returns poses (..., 4, 4) for small motions `xi` (..., 6): rotation vector, m.
+
+    Rotation and translation are applied apart (X = [exp(w) v; 0 1]), which is the
+    update every solver here uses.
+    """
+    flat = np.reshape(xi, (-1, 6))
+    X = np.zeros((len(flat), 4, 4))
+    X[:, :3, :3] = Rotation.from_rotvec(flat[:, :3]).as_matrix()
+    X[:, :3, 3] = flat[:, 3:]
+    X[:, 3, 3] = 1.0
+    return X.reshape(*np.shape(xi)[:-1], 4, 4)
+
+
+def rotation_angle(R: Array) -> Array:
+    """Rotation angles in radians of matrices (..., 3, 3), exact near 0 and pi."""
+    skew = np.stack(
+        [
+            R[..., 2, 1] - R[..., 1, 2],
+            R[..., 0, 2] - R[..., 2, 0],
+            R[..., 1, 0] - R[..., 0, 1],
+        ],
+        axis=-1,
+    )
+    sine = np.linalg.norm(skew, axis=-1) / 2
+    cosine = (np.trace(R, axis1=-2, axis2=-1) - 1) / 2
+    return np.asarray(np.arctan2(sine, cosine))
+
+
+def is_rotation(R: Array, tolerance: float = 1e-3) -> bool:
+    """Whether `R` (3, 3) is finite, orthonormal and right-handed within tolerance."""
+    return bool(
+        np.isfinite(R).all()
+        and np.abs(R @ R.T - np.eye(3)).max() < tolerance
+        and np.linalg.det(R) > 0
+    )
+
+
+def nearest_rotation(R: Array) -> Array:
+    """Projects matrices (..., 3, 3) onto SO(3) in the Frobenius norm."""
+    U, _, Vt = np.linalg.svd(R)
+    sign = np.linalg.det(U @ Vt)
+    U[..., :, 2] *= sign[..., None]
+    return np.asarray(U @ Vt)
+
+
+@dataclass(frozen=True)
+class ContinuousAxis:
+    """An axis in O about which the object looks the same at every angle.
+
+    Attributes:
+        axis: unit vector, (3,).
+        point: a point on the axis, (3,), m.
+    """
+
+    axis: Array
+    point: Array
+
+    def pose(self, angle: float) -> Array:
+        """The (4, 4) symmetry that turns the object by `angle` (rad) on itself."""
+        R = Rotation.from_rotvec(angle * self.axis).as_matrix()
+        return make_pose(R, self.point - R @ self.point)
+
+
+@dataclass(frozen=True)
+class SymmetryGroup:
+    """The rigid motions that map an object onto itself.
+
+    Every element is a discrete one, or a discrete one after a turn about the
+    continuous axis. Two or more continuous axes that are not parallel make a ball.
+
+    Attributes:
+        discrete: X_OS, (K, 4, 4), the identity first.
+        axes: the continuous axes.
+    """
+
+    discrete: Array = field(default_factory=lambda: np.eye(4)[None])
+    axes: tuple[ContinuousAxis, ...] = ()
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether every rotation about the centre is a symmetry."""
+        return any(
+            np.linalg.norm(np.cross(a.axis, self.axes[0].axis)) > 1e-3
+            for a in self.axes[1:]
+        )
+
+    @property
+    def centre(self) -> Array:
+        """The point nearest to all continuous axes, (3,), m; the origin for none."""
+        if not self.axes:
+            return np.zeros(3)
+        projectors = [np.eye(3) - np.outer(a.axis, a.axis) for a in self.axes]
+        rhs = sum(P @ a.point for P, a in zip(projectors, self.axes, strict=True))
+        return np.asarray(np.linalg.lstsq(sum(projectors), rhs, rcond=None)[0])
+
+    def rotation_distance(self, R_WA: Array, R_WB: Array) -> Array:
+        """Smallest angle (rad) from A to any symmetric equivalent of B.
+
+        Broadcasts over (..., 3, 3). For a continuous axis `a` the minimum over the
+        turn is closed: with M = R_A^T R_B D^T the best angle maximises
+        tr(C(w)^T M) = cos(w)(tr M - a.Ma) + sin(w) k.M + a.Ma.
+        """
+        R_AB = np.swapaxes(R_WA, -1, -2) @ R_WB
+        if self.is_ball:
+            return np.zeros(R_AB.shape[:-2])
+        best = np.full(R_AB.shape[:-2], np.pi)
+        for X in self.discrete:
+            M = R_AB @ X[:3, :3].T
+            if self.axes:
+                a = self.axes[0].axis
+                along = np.einsum("i,...ij,j->...", a, M, a)
+                across = np.trace(M, axis1=-2, axis2=-1) - along
+                turn = np.einsum("ij,...ij->...", _cross_matrix(a), M)
+                cosine = (np.hypot(across, turn) + along - 1) / 2
+                angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+            else:
+                angle = rotation_angle(M)
+            best = np.minimum(best, angle)
+        return best
+
+    def sampled(self, steps: int = 36) -> Array:
+        """All symmetries, (K * steps, 4, 4): continuous turns in `steps` steps.
+
+        A ball is sampled about three axes, which is enough for distances between
+        surfaces but not for its rotations.
+        """
+        poses = [self.discrete]
+        for axis in self.axes:
+            turns = np.stack(
+                [axis.pose(w) for w in 2 * np.pi * np.arange(steps) / steps]
+            )
+            poses.append((turns[:, None] @ self.discrete[None]).reshape(-1, 4, 4))
+        return np.concatenate(poses[1:] if self.axes else poses)
+
+
+def _cross_matrix(a: Array) -> Array:
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

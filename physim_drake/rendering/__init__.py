@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Depth images of objects and scenes."""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Drake systems over the algorithms of physim_drake."""
