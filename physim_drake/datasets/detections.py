@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""Reading detections in the JSON format of the BOP challenge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from physim_drake.datasets.bop import BopDataset, ImageId
+from physim_drake.datasets.json_nodes import JsonNode, read_json
+from physim_drake.datasets.rle import Runs, decode_runs, read_runs
+from physim_drake.errors import InputError
+from physim_drake.observation import Detection
+from physim_drake.poses import Array
+
+_MAX_COORDINATE = 1e6
+
+
+class Detections(Mapping[ImageId, list[Detection]]):
+    """Detections by image, in the order of their file.
+
+    All are checked when they are loaded; masks are kept run-length encoded and
+    decoded with each look-up, because those of a whole dataset would not fit in
+    memory.
+    """
+
+    def __init__(self, entries: dict[ImageId, list[_Entry]]) -> None:
+        self._entries = entries
+
+    def __getitem__(self, image: ImageId) -> list[Detection]:
+        """The detections of an image; raises `KeyError` where it has none."""
+        return [entry.detection() for entry in self._entries[image]]
+
+    def __iter__(self) -> Iterator[ImageId]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+
+def load_detections(path: Path, dataset: BopDataset) -> Detections:
+    """Reads the detections of the images that `dataset` has.
+
+    The file is a list of ``{"scene_id", "image_id", "category_id", "bbox": [x, y, w,
+    h], "score"}``, optionally with a ``segmentation`` in COCO's run-length encoding.
+    Those of other images are skipped: BOP's files often cover more than one split.
+
+    Raises:
+        InputError: where the file or an entry cannot be used, or no entry belongs to
+            an image of the dataset.
+    """
+    entries: dict[ImageId, list[_Entry]] = {}
+    sizes: dict[ImageId, tuple[int, int]] = {}
+    for node in read_json(path).elements():
+        image = (node["scene_id"].integer(), node["image_id"].integer())
+        if not dataset.has_image(*image):
+            continue
+        if image not in sizes:
+            camera = dataset.intrinsics(*image)
+            sizes[image] = (camera.width, camera.height)
+        entries.setdefault(image, []).append(_read_entry(node, *sizes[image]))
+    if not entries:
+        raise InputError(
+            path,
+            f"holds no detection of an image in {dataset.root}",
+            "check that the detections belong to this dataset and split",
+        )
+    return Detections(entries)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A detection with its mask still encoded."""
+
+    object_id: int
+    box: Array
+    score: float
+    size: tuple[int, int]
+    runs: Runs | None
+
+    def detection(self) -> Detection:
+        mask = None if self.runs is None else decode_runs(self.runs, *self.size)
+        return Detection(self.object_id, self.box, self.score, mask)
+
+
+def _read_entry(node: JsonNode, width: int, height: int) -> _Entry:
+    bbox = node["bbox"]
+    x, y, w, h = bbox.array(4)
+    if w < 0 or h < 0:
+        bbox.fail(f"has width {w:g} and height {h:g}", "neither may be negative")
+    if np.abs([x, y, w, h]).max() > _MAX_COORDINATE:
+        bbox.fail(f"is {bbox.value}", "give [x, y, width, height] in pixels")
+    segmentation = node.get("segmentation")
+    return _Entry(
+        node["category_id"].integer(),
+        np.array([x, y, x + w, y + h]),
+        node["score"].number(),
+        (width, height),
+        None if segmentation is None else read_runs(segmentation, width, height),
+    )

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Writing files so that a reader never sees half of one."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Literal, TextIO, overload
+
+from physim_drake.errors import InputError
+
+
+def cannot_write(path: Path, error: OSError) -> InputError:
+    """The `InputError` that says why `path` cannot be written."""
+    return InputError(
+        path,
+        f"cannot be written: {error.strerror or error}",
+        "choose a path in a folder that exists, is writable and has space left",
+    )
+
+
+@overload
+@contextmanager
+def write_atomically(path: Path, mode: Literal["w"] = "w") -> Iterator[TextIO]: ...
+
+
+@overload
+@contextmanager
+def write_atomically(path: Path, mode: Literal["wb"]) -> Iterator[IO[bytes]]: ...
+
+
+@contextmanager
+def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
+    """Gives a file to write that replaces `path` only when the block ends well.
+
+    The text (UTF-8, lines end in a plain newline) or bytes go to a temporary file in
+    the same folder, are flushed to the disk and renamed. When the block raises, `path`
+    stays what it was and the temporary file is removed. Symbolic links are followed; a
+    device or pipe, such as /dev/stdout, is written straight.
+
+    Args:
+        path: the file to create or replace.
+        mode: "w" for text or "wb" for bytes.
+
+    Raises:
+        InputError: where the folder or the file cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    direct = target.exists() and not target.is_file()
+    scratch = (
+        target
+        if direct
+        else target.with_name(f".{target.name[:64]}.{secrets.token_hex(4)}.tmp")
+    )
+    text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
+    try:
+        with open(path if direct else scratch, mode, **text) as file:  # type: ignore[call-overload]
+            yield file
+            file.flush()
+            if not direct:
+                os.fsync(file.fileno())
+        if not direct:
+            os.replace(scratch, target)
+    except OSError as error:
+        # An error of another file, raised inside the block, is not about this one.
+        if error.filename not in (None, str(scratch), str(path)):
+            raise
+        raise cannot_write(path, error) from error
+    finally:
+        if not direct:
+            scratch.unlink(missing_ok=True)

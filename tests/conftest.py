@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: MIT
+"""What the tests of more than one package use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+_SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder beside the repository that holds test data and the evaluator."""
+    if not _SHARED.is_dir():
+        pytest.skip(f"no test data: {_SHARED} does not exist")
+    return _SHARED
