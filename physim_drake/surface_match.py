@@ -18,6 +18,7 @@ from physim_drake.poses import (
 _REFERENCE_POINTS = 30_000
 _PROBE_POINTS = 800
 _COARSE_POINTS = 100
+_REFINE_POINTS = 400
 _REFINE_STEPS = 8
 
 
@@ -81,7 +82,7 @@ class SurfaceMatch:
         Chen and Medioni (1992), with the worst tenth of the points left out.
         """
         for _ in range(_REFINE_STEPS):
-            moved = transform_points(X, self._probes)
+            moved = transform_points(X, self._probes[:_REFINE_POINTS])
             _, nearest = self._tree.query(moved)
             normals = self._normals[nearest]
             residual = np.einsum("ij,ij->i", normals, moved - self._points[nearest])
@@ -95,6 +96,8 @@ class SurfaceMatch:
             R = nearest_rotation(delta[:3, :3] @ X[:3, :3])
             p = delta[:3, :3] @ (X[:3, 3] - self.centroid) + self.centroid
             X = make_pose(R, p + step[3:])
+            if np.linalg.norm(step[:3]) < 1e-4 and np.linalg.norm(step[3:]) < 1e-5:
+                break
         return X
 
     def _distances(self, points: Array) -> Array:

@@ -31,6 +31,7 @@ _ORDERS = range(2, 13)
 _ROUND_ANGLES = 2 * np.pi * np.array([0.382, 0.764, 0.146, 0.528, 0.91, 0.292, 0.0557])
 _SAME_MOTION = np.radians(8)  # groups of order <= 12 about an axis are 30 deg apart
 _DEGENERATE = 0.7  # ratio of principal moments from which axes are searched
+_MAX_PEAKS = 20  # axes searched for each turn; an icosahedron has 15 of two turns
 _REFINABLE = 5.0  # times the tolerance: worse motions are not worth refining
 
 
@@ -126,27 +127,25 @@ def _round_axis(
     Returns:
         the deviation (m) and the axis, put right by matching surfaces; or None.
     """
-    R = _turn(axis, float(_ROUND_ANGLES[0]))
-    X = match.about(R, match.centroid)
-    if match.percentiles(X[None])[0] > _REFINABLE * tolerance:
+    turns = [match.about(_turn(axis, w), match.centroid) for w in _ROUND_ANGLES[:3]]
+    if match.percentiles(np.stack(turns)).max() > _REFINABLE * tolerance:
         return None
-    refined = match.refine(X)
-    choices = [(axis, match.centroid)]
-    vector = Rotation.from_matrix(refined[:3, :3]).as_rotvec()
-    if vector @ axis < 0:  # the turn is 138 degrees: the refined one may exceed 180
-        vector = -vector
-    if np.linalg.norm(vector) > 1.0:
-        refined_axis = vector / np.linalg.norm(vector)
-        choices.append((refined_axis, match.fixed_point(refined[None])))
+    refined = [match.refine(X) for X in turns]
+    mean_axis = np.mean([_axis_of(X, axis) for X in refined], axis=0)
+    mean_axis /= np.linalg.norm(mean_axis)
+    choices = [
+        (axis, match.centroid),
+        (mean_axis, match.fixed_point(np.stack(refined))),
+    ]
     results = []
     for direction, point in choices:
-        turns = np.stack(
+        motions = np.stack(
             [match.about(_turn(direction, w), point) for w in _ROUND_ANGLES]
         )
-        deviation = float(match.percentiles(turns).max())
+        deviation = float(match.percentiles(motions).max())
         results.append((deviation, ContinuousAxis(_upward(direction), point)))
     # The given axis is kept where it is as good: it is often one of O exactly.
-    best = 0 if results[0][0] < 1.1 * results[1 % len(results)][0] else 1
+    best = 0 if results[0][0] < 1.1 * results[1][0] else 1
     return results[best] if results[best][0] <= tolerance else None
 
 
@@ -199,18 +198,40 @@ def _searched_axes(match: SurfaceMatch, tolerance: float) -> Array:
         directions = np.concatenate(rows) if rows else np.zeros((0, 3))
         turns, apart = (np.pi,), np.radians(8)
     kept: list[Array] = []
-    for turn in turns:
-        motions = [match.about(_turn(a, turn), match.centroid) for a in directions]
-        if not motions:
-            continue
-        deviations = match.coarse_deviations(np.stack(motions))
-        peaks: list[Array] = []
-        for i in np.argsort(deviations)[: len(directions) // 4]:
-            a = directions[i]
-            if all(abs(a @ other) < np.cos(apart) for other in peaks):
-                peaks.append(a)
-        kept += peaks[:24]
-    return np.array(kept).reshape(-1, 3)
+    for turn in turns if len(directions) else ():
+        motions = np.stack(
+            [match.about(_turn(a, turn), match.centroid) for a in directions]
+        )
+        order = np.argsort(match.coarse_deviations(motions))
+        peaks = _apart(directions[order[: len(order) // 4]], apart)[:_MAX_PEAKS]
+        refined = [
+            match.refine(match.about(_turn(a, turn), match.centroid)) for a in peaks
+        ]
+        fits = match.percentiles(np.stack(refined)) <= tolerance
+        kept += [
+            _axis_of(X, a)
+            for X, a, fit in zip(refined, peaks, fits, strict=True)
+            if fit
+        ]
+    return _apart(np.array(kept).reshape(-1, 3), np.radians(3))
+
+
+def _apart(axes: Array, angle: float) -> Array:
+    """Those of `axes` (A, 3) that are more than `angle` (rad) from all before them."""
+    kept = np.zeros((0, 3))
+    for axis in axes:
+        if (np.abs(kept @ axis) < np.cos(angle)).all():
+            kept = np.concatenate([kept, axis[None]])
+    return kept
+
+
+def _axis_of(X: Array, axis: Array) -> Array:
+    """The unit axis of a motion (4, 4) that should turn about `axis` (3,)."""
+    vector = Rotation.from_matrix(X[:3, :3]).as_rotvec()
+    length = float(np.linalg.norm(vector))
+    if length < 0.1:
+        return axis
+    return np.asarray(vector / length * (1.0 if vector @ axis > 0 else -1.0))
 
 
 def _discrete_group(
