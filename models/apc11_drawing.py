@@ -16,6 +16,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
 
+WHITE, BLACK = (248, 248, 246), (24, 24, 26)
+YELLOW, GREEN, RED, BLUE = (250, 202, 30), (0, 122, 76), (198, 30, 38), (22, 58, 140)
+
 SIZE = 512
 """Pixels along each side of a texture."""
 

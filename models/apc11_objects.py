@@ -14,7 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from physim_drake.models import apc11_textures as textures
+from physim_drake.models import apc11_box_prints as boxes
+from physim_drake.models import apc11_round_prints as rounds
 from physim_drake.models.apc11_drawing import Panel
 from physim_drake.models.apc11_shapes import (
     Array,
@@ -70,24 +71,24 @@ class ObjectSpec:
 def all_objects() -> list[ObjectSpec]:
     """The eleven objects in the order of the table."""
     return [
-        _box(1, "crayola_24_ct", 0.22, (0.022, 0.095, 0.071), textures.crayons),
+        _box(1, "crayola_24_ct", 0.22, (0.022, 0.095, 0.071), boxes.crayons),
         _box(
             2,
             "expo_dry_erase_board_eraser",
             0.10,
             (0.055, 0.130, 0.035),
-            textures.eraser,
+            boxes.eraser,
         ),
         _coffee_can(),
         _tape(),
         _glucose_bottle(),
-        _box(6, "laugh_out_loud_joke_book", 0.15, (0.010, 0.178, 0.108), textures.book),
+        _box(6, "laugh_out_loud_joke_book", 0.15, (0.010, 0.178, 0.108), boxes.book),
         _box(
             7,
             "soft_white_lightbulb",
             0.14,
             (0.062, 0.120, 0.064),
-            textures.lightbulb,
+            boxes.lightbulb,
             [_X2, _Y2, _Z2, _Y1, _Y1.T, _Y1 @ _X2, _Y1.T @ _X2],
         ),
         _box(
@@ -95,10 +96,10 @@ def all_objects() -> list[ObjectSpec]:
             "kleenex_tissue_box",
             0.20,
             (0.128, 0.110, 0.112),
-            textures.tissues,
+            boxes.tissues,
             [_X2, _Y2, _Z2, _X1, _X1.T, _X1 @ _Y2, _X1.T @ _Y2],
         ),
-        _box(9, "dove_beauty_bar", 0.25, (0.037, 0.065, 0.091), textures.soap),
+        _box(9, "dove_beauty_bar", 0.25, (0.037, 0.065, 0.091), boxes.soap),
         _glue_bottle(),
         _baseball(),
     ]
@@ -153,7 +154,7 @@ def _coffee_can() -> ObjectSpec:
 
     def grip(azimuth: Array, y: Array) -> Array:
         away = np.abs(np.abs(azimuth) - np.pi / 2) / np.radians(32)
-        along = np.abs(y + 0.0) / 0.040
+        along = np.abs(y) / 0.040
         inside = (away < 1) & (along < 1)
         ripple = 0.7 + 0.3 * np.cos(2 * np.pi * y / 0.018)
         return np.where(inside, 0.0008 * np.cos(np.pi / 2 * away) * ripple, 0.0)
@@ -168,7 +169,7 @@ def _coffee_can() -> ObjectSpec:
             convex_stack([(-70, 50.2), (54, 50.2)], 20),
             convex_stack([(54, 51.9), (69.7, 51.9)], 20),
         ],
-        textures.coffee,
+        rounds.coffee,
         axes=[(0, 1, 0)],
     )
 
@@ -199,7 +200,7 @@ def _tape() -> ObjectSpec:
         (0.096, 0.049, 0.096),
         surface,
         ring_wedges(inner, outer, 2 * half, 24),
-        textures.tape,
+        rounds.tape,
         turns=[_X2],
         axes=[(0, 1, 0)],
     )
@@ -241,7 +242,7 @@ def _glucose_bottle() -> ObjectSpec:
             convex_stack([(46, neck), (49, neck)], 12),
             convex_stack([(49, cap - 0.2), (70, cap - 0.2)], 16),
         ],
-        textures.glucose,
+        rounds.glucose,
         axes=[(0, 1, 0)],
     )
 
@@ -284,7 +285,7 @@ def _glue_bottle() -> ObjectSpec:
             convex_stack([(33, 13.2), (44.2, 13.2)], 12),
             convex_stack([(44.2, 8.7), (54, 6.0), (72.5, 2.6)], 8),
         ],
-        textures.glue,
+        rounds.glue,
         turns=[_Y2],
     )
 
@@ -301,7 +302,7 @@ def _baseball() -> ObjectSpec:
         (0.070, 0.070, 0.070),
         surface,
         [ball_corners(radius)],
-        textures.baseball,
+        rounds.baseball,
         axes=[(1, 0, 0), (0, 1, 0), (0, 0, 1)],
     )
 
