@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Literal, TextIO, overload
 
@@ -39,7 +39,7 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
     The text (UTF-8, lines end in a plain newline) or bytes go to a temporary file in
     the same folder, are flushed to the disk and renamed. When the block raises, `path`
     stays what it was and the temporary file is removed. Symbolic links are followed; a
-    device or pipe, such as /dev/stdout, is written straight.
+    pipe, or anything below /dev such as /dev/stdout, is written straight.
 
     Args:
         path: the file to create or replace.
@@ -49,7 +49,7 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
         InputError: where the folder or the file cannot be written.
     """
     target = Path(os.path.realpath(path))
-    direct = target.exists() and not target.is_file()
+    direct = path.parts[:2] == ("/", "dev") or (path.exists() and not path.is_file())
     scratch = (
         target
         if direct
@@ -71,4 +71,5 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
         raise cannot_write(path, error) from error
     finally:
         if not direct:
-            scratch.unlink(missing_ok=True)
+            with suppress(OSError):  # gone after the rename, or never made
+                scratch.unlink()

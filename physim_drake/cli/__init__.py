@@ -1,2 +1,60 @@
 # SPDX-License-Identifier: MIT
-"""The command line."""
+"""The command line: one module a command, and no logic of its own.
+
+Modules here import what they need inside their functions, so that `--help` and shell
+completion answer at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from physim_drake import __version__
+from physim_drake.cli.evaluate import evaluate
+from physim_drake.errors import PhysimError
+
+app = typer.Typer(
+    name="physim-drake",
+    help="6D poses of all known objects in a cluttered scene, from one RGB-D image.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(evaluate)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"physim-drake {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            help="Print the version and exit.",
+            callback=_print_version,
+            is_eager=True,
+        ),
+    ] = False,
+) -> None:
+    """Declares the options that stand before a command."""
+
+
+def main() -> None:
+    """Runs the program; an error a user can cause is one line, with exit status 2."""
+    try:
+        app()
+    except PhysimError as error:
+        message = " ".join(str(error).split())
+        print(f"error: {message}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)

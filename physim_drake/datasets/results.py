@@ -16,11 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from physim_drake.datasets.json_nodes import MAX_ID
+from physim_drake.datasets.scene_files import MAX_TRANSLATION_MM
 from physim_drake.errors import InputError
 from physim_drake.poses import Array, is_rotation, make_pose, nearest_rotation
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
 _ROTATION_TOLERANCE = 1e-2
+_MAX_TIME = 1e9
 
 
 @dataclass(frozen=True)
@@ -140,8 +142,12 @@ def _read_row(line: _Line) -> ResultRow:
     if not is_rotation(R, _ROTATION_TOLERANCE):
         raise line.fail("R", "give a right-handed rotation, rows first")
     t_mm = line.floats("t", 3)
+    if np.abs(t_mm).max() > MAX_TRANSLATION_MM:
+        raise line.fail("t", "translations are in millimetres")
     has_time = "time" in line.columns and line.text("time") != ""
     time = float(line.floats("time", 1)[0]) if has_time else -1.0
+    if time > _MAX_TIME:
+        raise line.fail("time", "give seconds, or -1")
     return ResultRow(
         line.id("scene_id"),
         line.id("im_id"),

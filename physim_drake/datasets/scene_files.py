@@ -14,7 +14,8 @@ from physim_drake.errors import InputError
 from physim_drake.poses import Array, inverse, is_rotation, make_pose, nearest_rotation
 
 _COLOR_NAMES = ("rgb/{:06d}.png", "rgb/{:06d}.jpg", "gray/{:06d}.png")
-_MAX_TRANSLATION_MM = 1e6
+MAX_TRANSLATION_MM = 1e6
+"""Longer ones are not in millimetres, or not of a scene on a table."""
 
 
 class SceneFiles:
@@ -99,7 +100,7 @@ def read_pose(node: JsonNode, rotation: str, translation: str) -> Array:
             "give 9 numbers, rows first, of a right-handed rotation",
         )
     t_mm = node[translation].array(3)
-    if np.abs(t_mm).max() > _MAX_TRANSLATION_MM:
+    if np.abs(t_mm).max() > MAX_TRANSLATION_MM:
         node[translation].fail(
             f"is {np.abs(t_mm).max():g} mm long", "translations are in millimetres"
         )

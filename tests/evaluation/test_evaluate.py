@@ -10,14 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
+from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.datasets.bop import BopDataset, image_ids
 from physim_drake.datasets.results import ResultRow, read_results
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.errors import InputError
 from physim_drake.evaluation.evaluate import evaluate_results
-from physim_drake.objects import ObjectLibrary
-from physim_drake.poses import exp_pose
+from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.poses import Array, SymmetryGroup, exp_pose, make_pose
+from tests.datasets.tiny import write_json, write_tiny
 
 
 def perturbed(
@@ -111,3 +114,91 @@ def test_agrees_with_the_independent_evaluator(
         theirs["images"],
         theirs["images_with_time"],
     )
+
+
+def tiny_world(root: Path) -> tuple[BopDataset, ObjectLibrary]:
+    """Object 1 twice and object 2 once in image 0 of scene 3; no models_info.json."""
+    write_tiny(root)
+    poses = [
+        {"obj_id": n, "cam_R_m2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_m2c": t}
+        for n, t in ((1, [0, 0, 500]), (2, [80, 0, 500]), (1, [-80, 0, 500]))
+    ]
+    write_json(root / "test" / "000003" / "scene_gt.json", {"0": poses})
+    targets = [
+        {"scene_id": 3, "im_id": 0, "obj_id": 1, "inst_count": 2},
+        {"scene_id": 3, "im_id": 0, "obj_id": 2, "inst_count": 1},
+    ]
+    write_json(root / "test_targets_bop19.json", targets)
+    mesh = trimesh.creation.box((0.02, 0.03, 0.04))
+    boxes = [
+        ObjectModel.from_mesh(n, f"box {n}", mesh, symmetry=SymmetryGroup())
+        for n in (1, 2)
+    ]
+    return BopDataset(root), ObjectLibrary(boxes, "memory")
+
+
+def estimate(object_id: int, x: float, score: float) -> ResultRow:
+    return ResultRow(3, 0, object_id, score, make_pose(p=[x, 0.0, 0.5]), 2.0)
+
+
+def test_the_best_scores_are_matched_with_the_nearest_pose(tmp_path: Path) -> None:
+    dataset, library = tiny_world(tmp_path)
+    rows = [
+        estimate(1, -0.08, 0.1),  # exact, but third by score of two instances
+        estimate(1, -0.07, 0.8),
+        estimate(1, 0.002, 0.9),
+        estimate(7, 0.0, 1.0),
+    ]
+    report = evaluate_results(dataset, rows, library)
+    first, second, missed = report.errors
+    assert (first.gt_index, second.gt_index, missed.gt_index) == (0, 2, 1)
+    assert first.translation_cm == pytest.approx(0.2)
+    assert second.translation_cm == pytest.approx(1.0)
+    assert (missed.found, missed.rotation_deg, missed.translation_cm) == (False, 90, 20)
+    assert report.objects[2].found == 0
+    assert report.overall.found == pytest.approx(2 / 3)
+    assert report.unused_rows == 1
+    assert report.time_per_image == 2.0
+    assert report.overall.ar_vsd is None
+    json.dumps(report.as_dict(), allow_nan=False)
+
+
+class FlatRenderer:
+    """Draws every object as one pixel at its depth."""
+
+    def __init__(self, intrinsics: CameraIntrinsics) -> None:
+        self.intrinsics = intrinsics
+
+    def render(self, object_id: int, X_CO: Array) -> DepthImage:
+        depth = np.zeros((self.intrinsics.height, self.intrinsics.width), np.float32)
+        u, v = np.round(self.intrinsics.project(X_CO[:3, 3])).astype(int)
+        depth[v, u] = X_CO[2, 3]
+        return depth
+
+
+def test_true_poses_recall_everything(tmp_path: Path) -> None:
+    dataset, library = tiny_world(tmp_path)
+    rows = [estimate(1, 0.0, 1.0), estimate(1, -0.08, 0.9), estimate(2, 0.08, 1.0)]
+    overall = evaluate_results(dataset, rows, library, FlatRenderer).overall
+    assert overall.ar_vsd == overall.ar_mssd == overall.ar_mspd == 1
+    assert overall.add_s_recall == overall.recall_5deg_1cm == 1
+    assert overall.geodesic_mean_deg == overall.translation_mean_cm == 0
+    overall = evaluate_results(dataset, rows[:1], library, FlatRenderer).overall
+    assert overall.ar_vsd == pytest.approx(1 / 3)
+
+
+def test_images_without_ground_truth_cannot_be_judged(tmp_path: Path) -> None:
+    dataset, library = tiny_world(tmp_path)
+    (tmp_path / "test" / "000003" / "scene_gt.json").unlink()
+    with pytest.raises(InputError, match="no true pose of object 1 in scene 3"):
+        evaluate_results(dataset, [], library)
+
+
+def test_an_object_the_library_lacks_is_named(tmp_path: Path) -> None:
+    dataset, library = tiny_world(tmp_path)
+    with pytest.raises(InputError, match="no object with id 2"):
+        evaluate_results(
+            dataset,
+            [estimate(2, 0.0, 1.0)],
+            ObjectLibrary([library[1]], "memory"),
+        )

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from physim_drake.errors import InputError
+from physim_drake.files import write_atomically
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_writes_text_and_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with write_atomically(path) as text:
+        text.write("é\n")
+    assert path.read_bytes() == "é\n".encode()
+    with write_atomically(path, "wb") as binary:
+        binary.write(b"\0")
+    assert path.read_bytes() == b"\0"
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_a_failure_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(ZeroDivisionError), write_atomically(path) as file:
+        file.write("new" * (1 // 0))
+    assert path.read_text() == "old"
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_unwritable_places_name_the_path(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "none" / "a", tmp_path / "file" / "a", tmp_path):
+        with (
+            pytest.raises(InputError, match="cannot be written") as caught,
+            write_atomically(path) as file,
+        ):
+            file.write("x")
+        assert caught.value.source == str(path)
+
+
+def test_errors_of_other_files_pass(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), write_atomically(tmp_path / "a") as file:
+        file.write((tmp_path / "other").read_text())
+    assert names(tmp_path) == []
+
+
+def test_symbolic_links_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with write_atomically(tmp_path / "link") as file:
+        file.write("x")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "x"
+
+
+def test_devices_are_written_straight() -> None:
+    with write_atomically(Path(os.devnull)) as file:
+        file.write("x")
+    assert not Path(os.devnull).is_file()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_is_an_input_error() -> None:
+    with (
+        pytest.raises(InputError, match="No space left"),
+        write_atomically(Path("/dev/full")) as file,
+    ):
+        file.write("x")
