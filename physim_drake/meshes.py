@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree, QhullError
@@ -250,7 +251,7 @@ def _check_closed(path: Path, mesh: trimesh.Trimesh) -> list[str]:
     return problems
 
 
-def _hole_area(mesh: trimesh.Trimesh, uses: Array) -> float:
+def _hole_area(mesh: trimesh.Trimesh, uses: NDArray[np.intp]) -> float:
     """The area of all holes, m^2.
 
     The vector area of each connected piece of the boundary, which does not depend on

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -191,6 +192,10 @@ class ObjectLibrary(Mapping[int, ObjectModel]):
             return self._models[object_id]
         except KeyError:
             raise _missing(self.source, object_id, self.ids) from None
+
+    def get(self, object_id: int, default: Any = None) -> Any:
+        """Returns the object with this id, or `default`."""
+        return self._models.get(object_id, default)
 
     def __contains__(self, object_id: object) -> bool:
         return object_id in self._models

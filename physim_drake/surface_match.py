@@ -74,7 +74,7 @@ class SurfaceMatch:
     def coarse_deviations(self, motions: Array) -> Array:
         """Mean distances of few moved points, (N,), m; for motions (N, 4, 4)."""
         moved = transform_points(motions, self._probes[:_COARSE_POINTS])
-        return np.asarray(self._tree.query(moved)[0].mean(axis=-1))
+        return np.asarray(np.mean(self._tree.query(moved)[0], axis=-1))
 
     def refine(self, X: Array) -> Array:
         """Moves a motion (4, 4) to where it matches best, by point-to-plane ICP.

@@ -112,6 +112,20 @@ def near_symmetries(
     return np.stack(kept)[1:]
 
 
+def describe_symmetry(group: SymmetryGroup) -> str:
+    """Puts a group in words: `ball`, `continuous about y + flip`, `8 discrete`."""
+    if group.is_ball:
+        return "ball"
+    if group.axes:
+        axis = group.axes[0].axis
+        along = np.flatnonzero(np.abs(axis) > np.cos(np.radians(1)))
+        name = "xyz"[along[0]] if len(along) else "({:.2f} {:.2f} {:.2f})".format(*axis)
+        return f"continuous about {name}" + (
+            " + flip" if len(group.discrete) > 1 else ""
+        )
+    return f"{len(group.discrete)} discrete" if len(group.discrete) > 1 else "none"
+
+
 def _principal_axes(match: SurfaceMatch) -> Array:
     """Unit eigenvectors of the surface's second moments, as rows of (3, 3)."""
     R = np.linalg.eigh(match.covariance)[1].T
@@ -193,7 +207,7 @@ def _searched_axes(match: SurfaceMatch, tolerance: float) -> Array:
         directions = np.stack(
             [radius * np.cos(angle), radius * np.sin(angle), z], axis=1
         )
-        turns, apart = (np.pi, 2 * np.pi / 3, np.pi / 2), np.radians(12)
+        turns, apart = [np.pi, 2 * np.pi / 3, np.pi / 2], np.radians(12)
     else:
         rows = [
             np.outer(np.cos(angles), vectors[:, i])
@@ -203,9 +217,9 @@ def _searched_axes(match: SurfaceMatch, tolerance: float) -> Array:
             if moments[i] > _DEGENERATE * moments[j]
         ]
         directions = np.concatenate(rows) if rows else np.zeros((0, 3))
-        turns, apart = (np.pi,), np.radians(8)
+        turns, apart = [np.pi], np.radians(8)
     kept: list[Array] = []
-    for turn in turns if len(directions) else ():
+    for turn in turns if len(directions) else []:
         motions = np.stack(
             [match.about(_turn(a, turn), match.centroid) for a in directions]
         )

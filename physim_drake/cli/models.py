@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""`physim-drake models`: what the library makes of a folder of models."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from physim_drake.objects import ObjectModel
+
+models_app = typer.Typer(help="Look at object models.", no_args_is_help=True)
+
+
+@dataclass(frozen=True)
+class ModelReport:
+    """What `models check` tells of one object; lengths in mm, mass in kg."""
+
+    id: int
+    name: str
+    file: str
+    extents_mm: list[float]
+    diameter_mm: float
+    volume_cm3: float
+    mass: float
+    symmetry: str
+    collision_pieces: int
+    collision_deviation_mm: float
+    problems: list[str]
+
+
+@models_app.callback()
+def _group() -> None:
+    """Keeps `check` a command of its own while it is the only one."""
+
+
+@models_app.command()
+def check(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="A library.yaml's folder, a BOP models folder, or meshes."),
+    ],
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the facts to this file.")
+    ] = None,
+) -> None:
+    """Loads all models of a folder and shows size, symmetry, collision and problems."""
+    from rich.console import Console
+
+    from physim_drake.objects import ObjectLibrary
+
+    reports = [report(model) for model in ObjectLibrary.load(folder).values()]
+    Console().print(_table(reports, str(folder)))
+    if json_file is not None:
+        text = json.dumps([asdict(item) for item in reports], indent=1)
+        json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def report(model: ObjectModel) -> ModelReport:
+    """Gathers the facts of one object."""
+    from physim_drake.collision import pieces_deviation
+    from physim_drake.symmetry import describe_symmetry
+
+    return ModelReport(
+        id=model.object_id,
+        name=model.name,
+        file=str(model.source),
+        extents_mm=[round(float(x) * 1e3, 1) for x in model.extents],
+        diameter_mm=round(model.diameter * 1e3, 1),
+        volume_cm3=round(float(model.mesh.volume) * 1e6, 1),
+        mass=round(model.mass, 4),
+        symmetry=describe_symmetry(model.symmetry),
+        collision_pieces=len(model.collision_pieces),
+        collision_deviation_mm=round(
+            pieces_deviation(model.collision_pieces, model.mesh) * 1e3, 2
+        ),
+        problems=list(model.problems),
+    )
+
+
+def _table(reports: list[ModelReport], title: str) -> Table:
+    from rich.table import Table
+
+    table = Table(title=title)
+    for heading in ("id", "name", "extents mm", "cm³", "kg", "symmetry"):
+        right = heading in ("id", "cm³", "kg")
+        table.add_column(heading, justify="right" if right else "left")
+    table.add_column("pieces", justify="right")
+    table.add_column("off mm", justify="right")
+    table.add_column("problems")
+    for item in reports:
+        table.add_row(
+            str(item.id),
+            item.name,
+            " x ".join(f"{x:.0f}" for x in item.extents_mm),
+            f"{item.volume_cm3:.0f}",
+            f"{item.mass:.3f}",
+            item.symmetry,
+            str(item.collision_pieces),
+            f"{item.collision_deviation_mm:.1f}",
+            "; ".join(item.problems) or "none",
+        )
+    return table
