@@ -14,6 +14,7 @@ import typer
 
 from physim_drake import __version__
 from physim_drake.cli.evaluate import evaluate
+from physim_drake.cli.models import models_app
 from physim_drake.errors import PhysimError
 
 app = typer.Typer(
@@ -25,6 +26,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(evaluate)
+app.add_typer(models_app, name="models")
 
 
 def _print_version(wanted: bool) -> None:
