@@ -12,7 +12,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree, QhullError
+from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from physim_drake.errors import InputError
@@ -28,7 +28,8 @@ _MERGE_DISTANCE = 1e-6  # m; vertices this close are one
 _MAX_BOUNDARY_EDGES = 0.05  # share of all edges
 _MAX_HOLE_AREA = 0.05  # share of the surface
 _DIAMETERS = (0.005, 5.0)  # m, of objects a camera can see and a gripper can hold
-_UNITS = {"metres": 1.0, "centimetres": 1e-2, "millimetres": 1e-3, "inches": 0.0254}
+_UNITS = {"metres": 1.0, "centimetres": 1e-2, "millimetres": 1e-3}
+_TYPICAL_SIZE = 0.15  # m
 
 
 @dataclass(frozen=True)
@@ -98,18 +99,16 @@ def read_mesh(path: Path, unit: float = 1.0) -> MeshReading:
             "the file may be cut short: export it again",
             "faces",
         )
-    if not np.isfinite(vertices[np.unique(faces)]).all():
+    used = vertices[np.unique(faces)]
+    if not np.isfinite(used).all():
         raise InputError(
             path, "holds NaN or infinite values", "repair the mesh", "vertices"
         )
-    _check_size(path, vertices[np.unique(faces)], unit)
-    mesh, problems = clean_mesh(vertices, faces)
-    try:
-        hull_volume = float(mesh.convex_hull.volume) if len(mesh.faces) else 0.0
-    except QhullError:
-        hull_volume = 0.0
-    if hull_volume < 1e-6 * float(np.linalg.norm(mesh.extents)) ** 3:
+    _check_size(path, used, unit)
+    spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
+    if spread[-1] < 1e-5 * spread[0]:
         raise InputError(path, "is flat: it encloses no volume", "model a solid")
+    mesh, problems = clean_mesh(vertices, faces)
     return MeshReading(mesh, (*problems, *_check_closed(path, mesh)))
 
 
@@ -214,16 +213,14 @@ def _check_size(path: Path, vertices: Array, unit: float) -> None:
     if _DIAMETERS[0] <= size <= _DIAMETERS[1]:
         return
     used = min(_UNITS, key=lambda name: abs(_UNITS[name] - unit))
-    likely = [
-        name
-        for name, metres in _UNITS.items()
-        if 0.02 <= size / unit * metres <= 2.0 and name != used
-    ]
-    hint = f"the file is likely in {' or '.join(likely)}; " if likely else ""
+    in_unit = size / unit
+    likely = min(
+        _UNITS, key=lambda name: abs(np.log(in_unit * _UNITS[name] / _TYPICAL_SIZE))
+    )
     raise InputError(
         path,
         f"is {size:.3g} m across when its values are {used}",
-        f"{hint}scale it to {used}",
+        f"the file is likely in {likely}: scale it to {used}",
         "vertices",
     )
 

@@ -56,7 +56,11 @@ def check(
     from physim_drake.objects import ObjectLibrary
 
     reports = [report(model) for model in ObjectLibrary.load(folder).values()]
-    Console().print(_table(reports, str(folder)))
+    console = Console()
+    console.print(_table(reports, str(folder)))
+    for item in reports:
+        for problem in item.problems:
+            console.print(f"{item.id} {item.name}: {problem}", markup=False)
     if json_file is not None:
         text = json.dumps([asdict(item) for item in reports], indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
@@ -85,15 +89,13 @@ def report(model: ObjectModel) -> ModelReport:
 
 
 def _table(reports: list[ModelReport], title: str) -> Table:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table(title=title)
-    for heading in ("id", "name", "extents mm", "cm³", "kg", "symmetry"):
-        right = heading in ("id", "cm³", "kg")
-        table.add_column(heading, justify="right" if right else "left")
-    table.add_column("pieces", justify="right")
-    table.add_column("off mm", justify="right")
-    table.add_column("problems")
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    numbers = ("id", "cm³", "kg", "pieces", "off mm")
+    for heading in ("id", "name", "mm", "cm³", "kg", "symmetry", "pieces", "off mm"):
+        table.add_column(heading, justify="right" if heading in numbers else "left")
     for item in reports:
         table.add_row(
             str(item.id),
@@ -104,6 +106,5 @@ def _table(reports: list[ModelReport], title: str) -> Table:
             item.symmetry,
             str(item.collision_pieces),
             f"{item.collision_deviation_mm:.1f}",
-            "; ".join(item.problems) or "none",
         )
     return table
