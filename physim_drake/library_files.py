@@ -152,7 +152,10 @@ def _read_library(folder: Path) -> list[ObjectEntry]:
     except Exception as error:
         reason = " ".join(str(error).split())[:200] or "a value has the wrong type"
         raise InputError(
-            path, f"cannot be used ({reason})", "see docs for its fields", "objects"
+            path,
+            f"cannot be used ({reason})",
+            "give id, name, mesh, collision, mass, friction, symmetry",
+            "objects",
         ) from error
     return [_library_entry(path, i, item) for i, item in enumerate(config.objects)]
 

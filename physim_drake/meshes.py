@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,9 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
 
 MAX_FACES = 2_000_000
 """Meshes with more faces, or files of more than 250 bytes for each, are refused."""
+
+# Without a handler trimesh prints tracebacks, of a missing texture for instance.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 _MERGE_DISTANCE = 1e-6  # m; vertices this close are one
 _MAX_BOUNDARY_EDGES = 0.05  # share of all edges
@@ -72,6 +76,16 @@ def read_raw_mesh(path: Path) -> trimesh.Trimesh:
         ) from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(path, "holds no triangles", "export a surface, not points")
+    if path.suffix.lower() == ".ply":
+        with path.open("rb") as file:
+            stated = _matches(rb"^element face (\d+)", file.read(8192))
+        if stated and len(mesh.faces) < int(stated[0]):
+            raise InputError(
+                path,
+                f"is cut short: {len(mesh.faces)} of {stated[0]} faces",
+                "copy or export it again",
+                "faces",
+            )
     if len(mesh.faces) > MAX_FACES:
         raise InputError(
             path, f"has {len(mesh.faces)} faces", f"reduce it below {MAX_FACES}"

@@ -159,6 +159,14 @@ def test_truncated_files_are_refused(tmp_path: Path, suffix: str, share: float) 
         ObjectLibrary.load(tmp_path)
 
 
+def test_a_text_file_cut_short_is_noticed_by_its_count(tmp_path: Path) -> None:
+    mesh = trimesh.creation.icosphere(4, 0.05)
+    text = mesh.export(file_type="ply", encoding="ascii")
+    (tmp_path / "a.ply").write_bytes(text.rstrip().rsplit(b"\n", 5)[0] + b"\n")
+    with pytest.raises(InputError, match="cut short: 5115 of 5120 faces"):
+        ObjectLibrary.load(tmp_path)
+
+
 def test_size_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     box().export(tmp_path / "a.ply")
     monkeypatch.setattr(meshes, "MAX_FACES", 11)

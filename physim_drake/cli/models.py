@@ -95,7 +95,13 @@ def _table(reports: list[ModelReport], title: str) -> Table:
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     numbers = ("id", "cm³", "kg", "pieces", "off mm")
     for heading in ("id", "name", "mm", "cm³", "kg", "symmetry", "pieces", "off mm"):
-        table.add_column(heading, justify="right" if heading in numbers else "left")
+        table.add_column(
+            heading,
+            justify="right" if heading in numbers else "left",
+            overflow="fold",
+            no_wrap=heading not in ("name", "symmetry"),
+            min_width=12 if heading in ("name", "symmetry") else None,
+        )
     for item in reports:
         table.add_row(
             str(item.id),
