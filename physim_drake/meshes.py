@@ -168,8 +168,8 @@ def clean_mesh(vertices: Array, faces: Array) -> tuple[trimesh.Trimesh, list[str
     mesh.remove_unreferenced_vertices()
     if len(mesh.faces) and not mesh.is_winding_consistent:
         mesh.fix_normals()
-        if not distinct.all() or not mesh.is_winding_consistent:
-            problems.append("its faces are not turned the same way")
+        left = "" if mesh.is_winding_consistent else ", and some still are not"
+        problems.append(f"its faces were not turned the same way{left}")
     if mesh.volume < 0:
         mesh.invert()
         problems.append("its faces were turned inside out")
