@@ -7,7 +7,7 @@ image holds z in metres, 0 where nothing was measured.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +48,6 @@ class CameraIntrinsics:
         """The (3, 3) camera matrix."""
         return np.array(
             [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
-        )
-
-    def crop(self, window: tuple[int, int, int, int]) -> CameraIntrinsics:
-        """The camera that sees only `window` = (left, top, width, height), px."""
-        left, top, width, height = window
-        return replace(
-            self, width=width, height=height, cx=self.cx - left, cy=self.cy - top
         )
 
     def rays(self) -> Array:

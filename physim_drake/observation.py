@@ -128,15 +128,18 @@ class Segment:
     """The part of the observed cloud that may belong to one object.
 
     Attributes:
-        object_id: which object.
-        points: p_S (N, 3), m, in the support frame S.
-        normals: unit, (N, 3), in S, towards the camera.
-        pixels: (N, 2) int, row and column of each point.
         detection: where it came from.
+        points: p_S (N, 3), m, in the support frame S, thinned to a few millimetres.
+        normals: unit, (N, 3), in S, towards the camera.
+        mask: (height, width) bool, every pixel of it, before thinning.
     """
 
-    object_id: int
+    detection: Detection
     points: Array
     normals: Array
-    pixels: NDArray[np.int64]
-    detection: Detection
+    mask: Mask
+
+    @property
+    def object_id(self) -> int:
+        """Which object it may belong to."""
+        return self.detection.object_id

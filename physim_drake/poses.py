@@ -138,30 +138,41 @@ class SymmetryGroup:
         rhs = sum(P @ a.point for P, a in zip(projectors, self.axes, strict=True))
         return np.asarray(np.linalg.lstsq(sum(projectors), rhs, rcond=None)[0])
 
-    def rotation_distance(self, R_WA: Array, R_WB: Array) -> Array:
-        """Smallest angle (rad) from A to any symmetric equivalent of B.
+    def rotation_distance(
+        self, R_WA: Array, R_WB: Array, pairwise: bool = False
+    ) -> Array:
+        """Smallest angles (rad) from A to any symmetric equivalent of B.
 
-        Broadcasts over (..., 3, 3). For a continuous axis `a` the minimum over the
-        turn is closed: with M = R_A^T R_B D^T the best angle maximises
-        tr(C(w)^T M) = cos(w)(tr M - a.Ma) + sin(w) k.M + a.Ma.
+        With unit quaternions, an equivalent of B is q_B s, its angle from A
+        2 acos |q_A . q_B s|; for a turn w about a continuous axis the dot product is
+        u cos(w/2) + v sin(w/2), whose largest value is hypot(u, v).
+
+        Args:
+            R_WA: rotations, (N, 3, 3), or one, (3, 3).
+            R_WB: rotations, (M, 3, 3), or one; of the same number if not pairwise.
+            pairwise: every A against every B.
+
+        Returns:
+            (N,), or (N, M) where pairwise.
         """
-        R_AB = np.swapaxes(R_WA, -1, -2) @ R_WB
+        q_A = Rotation.from_matrix(R_WA.reshape(-1, 3, 3)).as_quat()
+        R_WB = R_WB.reshape(-1, 3, 3)
+
+        def dot(R: Array) -> Array:
+            q_B = Rotation.from_matrix(R_WB @ R).as_quat()
+            return np.asarray(q_A @ q_B.T if pairwise else (q_A * q_B).sum(axis=-1))
+
         if self.is_ball:
-            return np.zeros(R_AB.shape[:-2])
-        best = np.full(R_AB.shape[:-2], np.pi)
+            return np.zeros_like(dot(np.eye(3)))
+        best: Array | None = None
+        half_turn = self.axes and Rotation.from_rotvec(np.pi * self.axes[0].axis)
         for X in self.discrete:
-            M = R_AB @ X[:3, :3].T
-            if self.axes:
-                a = self.axes[0].axis
-                along = np.einsum("i,...ij,j->...", a, M, a)
-                across = np.trace(M, axis1=-2, axis2=-1) - along
-                turn = np.einsum("ij,...ij->...", _cross_matrix(a), M)
-                cosine = (np.hypot(across, turn) + along - 1) / 2
-                angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-            else:
-                angle = rotation_angle(M)
-            best = np.minimum(best, angle)
-        return best
+            cosine = np.abs(dot(X[:3, :3]))
+            if half_turn:
+                cosine = np.hypot(cosine, dot(half_turn.as_matrix() @ X[:3, :3]))
+            best = cosine if best is None else np.maximum(best, cosine)
+        assert best is not None
+        return 2 * np.arccos(np.clip(best, 0.0, 1.0))
 
     def sampled(self, steps: int = 36) -> Array:
         """All symmetries, (K * steps, 4, 4): continuous turns in `steps` steps.
@@ -176,7 +187,3 @@ class SymmetryGroup:
             )
             poses.append((turns[:, None] @ self.discrete[None]).reshape(-1, 4, 4))
         return np.concatenate(poses[1:] if self.axes else poses)
-
-
-def _cross_matrix(a: Array) -> Array:
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: MIT
+"""One observation in, the poses of all its objects out: the pipeline in a page."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import TracebackType
+
+import numpy as np
+
+from physim_drake.estimate import ObjectEstimate, SceneEstimate, SearchTrace
+from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.hypotheses.pca import pca_poses
+from physim_drake.objects import ObjectLibrary
+from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.poses import Array, nearest_rotation
+from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
+from physim_drake.registration_model import registration_model
+from physim_drake.scene import Scene, prepare_scene
+from physim_drake.search.dependency import dependency_graph
+from physim_drake.search.expansion import Rollout, RolloutResult
+from physim_drake.search.tree import (
+    GroupSearch,
+    SearchConfig,
+    SearchResult,
+    heuristic_search,
+    monte_carlo_tree_search,
+)
+from physim_drake.surface import find_support_surface, surface_at_height
+from physim_drake.workers import WorkerConfig, WorkerPool
+
+
+class Method(StrEnum):
+    """The ways to estimate a scene.
+
+    The first two search over the scene with physics and refine it; the others take
+    each object alone.
+    """
+
+    PHYSIM_MCTS = "physim-mcts"
+    PHYSIM_HEURISTIC = "physim-heuristic"
+    SUPER4PCS_ICP = "super4pcs-icp"
+    PCA_ICP = "pca-icp"
+
+
+@dataclass(frozen=True)
+class EstimationConfig:
+    """Everything that can be set about an estimate.
+
+    Attributes:
+        method: how.
+        seed: of all random choices.
+        workers: processes; the result does not depend on it.
+        search: budget and constants of the tree search.
+        steps: settings of the steps that run in workers.
+        min_segment_points: an object with fewer points is reported as not found.
+    """
+
+    method: Method = Method.PHYSIM_MCTS
+    seed: int = 0
+    workers: int = 1
+    search: SearchConfig = field(default_factory=SearchConfig)
+    steps: WorkerConfig = field(default_factory=WorkerConfig)
+    min_segment_points: int = 30
+
+
+class PoseEstimator:
+    """Estimates scenes; keeps its workers warm from one image to the next.
+
+    Args:
+        library: the objects that may occur.
+        config: method and settings.
+
+    Use it as a context manager, or call `close`.
+    """
+
+    def __init__(
+        self,
+        library: ObjectLibrary,
+        config: EstimationConfig = EstimationConfig(),
+    ) -> None:
+        self._library, self._config = library, config
+        self._pool = WorkerPool(library, config.steps, config.workers)
+
+    def estimate(
+        self,
+        observation: RgbdObservation,
+        detections: Sequence[Detection],
+        surface_height: float | None = None,
+    ) -> SceneEstimate:
+        """Estimates the pose of every detected object.
+
+        Args:
+            observation: the image.
+            detections: one for each object to find.
+            surface_height: z of the support surface in the world, m; found in the
+                image if not given.
+
+        Raises:
+            InputError: where the surface cannot be found, or an object has no model.
+        """
+        clock = _StageClock()
+        if surface_height is None:
+            surface = find_support_surface(
+                observation, detections, np.random.default_rng(self._config.seed)
+            )
+        else:
+            surface = surface_at_height(observation, surface_height)
+        scene = prepare_scene(observation, surface, detections)
+        clock.lap("segments")
+        self._pool.set_scene(scene)
+        clock.lap("setup")
+        large = [
+            k
+            for k, segment in enumerate(scene.segments)
+            if len(segment.points) >= self._config.min_segment_points
+        ]
+        trace: list[SearchTrace] = []
+        if self._config.method in (Method.PHYSIM_MCTS, Method.PHYSIM_HEURISTIC):
+            placed = self._search(scene, large, clock, trace)
+        else:
+            placed = self._register(scene, large, clock)
+        confidences = self._pool.map("confidences", [(placed,)])[0]
+        clock.lap("refinement")
+        objects = tuple(
+            self._object_estimate(
+                observation, scene, surface.X_WS, k, placed, confidences
+            )
+            for k in range(len(detections))
+        )
+        return SceneEstimate(
+            objects, surface, str(self._config.method), clock.stages, tuple(trace)
+        )
+
+    def close(self) -> None:
+        """Ends the workers."""
+        self._pool.close()
+
+    def __enter__(self) -> PoseEstimator:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _hypotheses(self, large: Sequence[int]) -> dict[int, PoseHypotheses]:
+        seeds = [(k, (self._config.seed, k)) for k in large]
+        found = self._pool.map("hypotheses", seeds)
+        return {k: h for k, h in zip(large, found, strict=True) if len(h.X_SO)}
+
+    def _search(
+        self,
+        scene: Scene,
+        large: Sequence[int],
+        clock: _StageClock,
+        trace: list[SearchTrace],
+    ) -> dict[int, Array]:
+        """Searches each independent group, refines its best states, joins them."""
+        hypotheses = self._hypotheses(large)
+        clock.lap("hypotheses")
+        graph = dependency_graph(scene.segments, scene.X_CS)
+        groups = [
+            tuple(k for k in component if k in hypotheses)
+            for component in graph.components
+        ]
+        results = [
+            self._search_group(group, hypotheses, n)
+            for n, group in enumerate(groups)
+            if group
+        ]
+        clock.lap("search")
+        placed: dict[int, Array] = {}
+        for result in results:
+            trace.append(SearchTrace.of(result, scene))
+            states = [
+                dict(zip(result.order, state.poses, strict=True))
+                for state in result.states
+            ]
+            refined = self._pool.map("refine", [(state,) for state in states])
+            placed |= min(refined, key=lambda r: r[1])[0]
+        if len(results) > 1:
+            placed = self._pool.map("refine", [(placed,)])[0][0]
+        clock.lap("refinement")
+        return placed
+
+    def _search_group(
+        self, order: Sequence[int], hypotheses: Mapping[int, PoseHypotheses], n: int
+    ) -> SearchResult:
+        def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+            return self._pool.map("rollout", [(rollout,) for rollout in rollouts])
+
+        search = GroupSearch(
+            order, [hypotheses[k].poses for k in order], run, self._config.search
+        )
+        if self._config.method is Method.PHYSIM_HEURISTIC:
+            return heuristic_search(search)
+        generator = np.random.default_rng([self._config.seed, n, 1])
+        return monte_carlo_tree_search(search, generator)
+
+    def _register(
+        self, scene: Scene, large: Sequence[int], clock: _StageClock
+    ) -> dict[int, Array]:
+        """Each object alone: its best hypothesis or principal axes, then ICP."""
+        if self._config.method is Method.SUPER4PCS_ICP:
+            starts = {
+                k: h.X_SO[[int(h.lcp.argmax())]]
+                for k, h in self._hypotheses(large).items()
+            }
+        else:
+            starts = {
+                k: pca_poses(self._library[scene.object_ids[k]], scene.segments[k])
+                for k in large
+            }
+        clock.lap("hypotheses")
+        placed = {}
+        for k, X_SO in starts.items():
+            segment = scene.segments[k]
+            field_O = registration_model(
+                self._library[segment.object_id]
+            ).distance_field
+            aligned, _ = trimmed_icp(
+                field_O,
+                X_SO,
+                segment.points,
+                segment.normals,
+                TrimmedIcpConfig(keep=0.9),
+            )
+            scores = lcp_scores(
+                field_O, aligned, segment.points, segment.normals, 0.005
+            )
+            placed[k] = aligned[int(scores.argmax())]
+        return placed
+
+    def _object_estimate(
+        self,
+        observation: RgbdObservation,
+        scene: Scene,
+        X_WS: Array,
+        k: int,
+        placed: Mapping[int, Array],
+        confidences: Mapping[int, float],
+    ) -> ObjectEstimate:
+        segment = scene.segments[k]
+        name = self._library[segment.object_id].name
+        if k not in placed:
+            count, least = len(segment.points), self._config.min_segment_points
+            reason = (
+                f"its segment has {count} points, at least {least} are needed"
+                if count < least
+                else "no pose of it fits its segment"
+            )
+            return ObjectEstimate(segment.object_id, name, None, None, 0.0, reason)
+        X_SO = placed[k].copy()
+        X_SO[:3, :3] = nearest_rotation(X_SO[:3, :3])
+        X_CO = scene.X_CS @ X_SO
+        X_WO = X_WS @ X_SO if observation.X_WC is None else observation.X_WC @ X_CO
+        return ObjectEstimate(segment.object_id, name, X_CO, X_WO, confidences[k], "")
+
+
+def estimate_scene(
+    observation: RgbdObservation,
+    library: ObjectLibrary,
+    detections: Sequence[Detection],
+    config: EstimationConfig = EstimationConfig(),
+    surface_height: float | None = None,
+) -> SceneEstimate:
+    """Estimates one scene; for many, keep a `PoseEstimator`.
+
+    Args:
+        observation: the image.
+        library: models of the objects.
+        detections: one for each object to find.
+        config: method and settings.
+        surface_height: z of the support surface in the world, m; found if not given.
+
+    Raises:
+        InputError: where the surface cannot be found, or an object has no model.
+    """
+    with PoseEstimator(library, config) as estimator:
+        return estimator.estimate(observation, detections, surface_height)
+
+
+class _StageClock:
+    """Seconds spent in each stage."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, float] = {}
+        self._last = time.monotonic()
+
+    def lap(self, stage: str) -> None:
+        """Books the time since the last lap under `stage`."""
+        now = time.monotonic()
+        self.stages[stage] = self.stages.get(stage, 0.0) + now - self._last
+        self._last = now

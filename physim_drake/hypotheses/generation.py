@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: MIT
+"""Algorithm 1 of the paper: from one object's segment to its pose hypotheses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from physim_drake.hypotheses.clustering import ClusteringConfig, cluster_poses
+from physim_drake.hypotheses.super4pcs import Super4PcsConfig, pair_index, super4pcs
+from physim_drake.hypotheses.visibility import visibility
+from physim_drake.objects import ObjectModel
+from physim_drake.observation import Segment
+from physim_drake.poses import Array
+from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
+from physim_drake.registration_model import registration_model
+from physim_drake.scene import Scene
+
+
+@dataclass(frozen=True)
+class HypothesisConfig:
+    """How hypotheses are made.
+
+    Attributes:
+        super4pcs: sizes and tolerances of the congruent sets.
+        clustering: numbers of representatives.
+        segment_points: points of the segment that are matched and scored.
+        lcp_delta: how near a point must be to the model to count, m.
+        polished: this many of the best-scored poses get a short trimmed ICP, and
+            are scored again at half of `lcp_delta`.
+        polish: its settings.
+    """
+
+    super4pcs: Super4PcsConfig = field(default_factory=Super4PcsConfig)
+    clustering: ClusteringConfig = field(default_factory=ClusteringConfig)
+    segment_points: int = 140
+    lcp_delta: float = 0.006
+    polished: int = 1200
+    polish: TrimmedIcpConfig = field(
+        default_factory=lambda: TrimmedIcpConfig(keep=0.8, iterations=6)
+    )
+
+
+@dataclass(frozen=True)
+class PoseHypotheses:
+    """Scored poses of one object, and the few that represent them.
+
+    Attributes:
+        object_id: which object.
+        X_SO: all poses, (N, 4, 4), in the support frame.
+        lcp: their LCP scores, (N,), 0..1.
+        representatives: indices of the poses to search over, best LCP first, (K,).
+    """
+
+    object_id: int
+    X_SO: Array
+    lcp: Array
+    representatives: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+    @property
+    def poses(self) -> Array:
+        """The representatives' X_SO, (K, 4, 4)."""
+        return self.X_SO[self.representatives]
+
+    @property
+    def scores(self) -> Array:
+        """The representatives' LCP scores, (K,)."""
+        return self.lcp[self.representatives]
+
+
+def generate_hypotheses(
+    model: ObjectModel,
+    scene: Scene,
+    index: int,
+    generator: np.random.Generator,
+    config: HypothesisConfig = HypothesisConfig(),
+) -> PoseHypotheses:
+    """Super4PCS poses of one of the scene's segments, scored and clustered.
+
+    For choosing among them, each pose weighs its LCP score (how much of the segment
+    it explains) times its visibility (how much of what it shows was observed).
+
+    Returns:
+        The whole scored set; empty where the segment is too small to match.
+    """
+    prepared = registration_model(model)
+    points, normals = _subsample(
+        scene.segments[index], config.segment_points, generator
+    )
+    X_SO = super4pcs(pair_index(model), points, normals, generator, config.super4pcs)
+    if len(X_SO) == 0:
+        return PoseHypotheses(
+            model.object_id, X_SO, np.zeros(0), np.zeros(0, dtype=np.int64)
+        )
+    lcp = lcp_scores(prepared.distance_field, X_SO, points, normals, config.lcp_delta)
+    seen = visibility(prepared, X_SO, scene)
+    best = np.argsort(-lcp * seen, kind="stable")[: config.polished]
+    X_SO[best], _ = trimmed_icp(
+        prepared.distance_field, X_SO[best], points, normals, config.polish
+    )
+    fine = lcp_scores(
+        prepared.distance_field, X_SO[best], points, normals, config.lcp_delta / 2
+    )
+    lcp[best] = fine
+    weights = (fine * visibility(prepared, X_SO[best], scene)) ** 4 + 1e-9
+    chosen = best[
+        cluster_poses(X_SO[best], weights, model.symmetry, generator, config.clustering)
+    ]
+    chosen = chosen[np.argsort(-lcp[chosen], kind="stable")]
+    return PoseHypotheses(model.object_id, X_SO, lcp, chosen)
+
+
+def _subsample(
+    segment: Segment, count: int, generator: np.random.Generator
+) -> tuple[Array, Array]:
+    n = len(segment.points)
+    if n <= count:
+        return segment.points, segment.normals
+    keep = np.sort(generator.choice(n, count, replace=False))
+    return segment.points[keep], segment.normals[keep]

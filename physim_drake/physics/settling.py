@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: MIT
+"""Lets one object come to rest among objects that stay where they are.
+
+One small plant a free object: the table on a body welded to the world (Drake 1.51
+crashes on contact with world geometry once a joint is locked), every other object
+welded to a frame whose pose is a parameter of the context, so that placing it costs
+microseconds and nothing is rebuilt. Contact is hydroelastic, the free object compliant
+and the rest rigid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Convex,
+    HalfSpace,
+    InMemoryMesh,
+    ProximityProperties,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    QuaternionFloatingJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, EventStatus
+
+from physim_drake.objects import ObjectModel
+from physim_drake.poses import Array
+
+_PARKED = RigidTransform([0.0, 0.0, -50.0])
+
+
+@dataclass(frozen=True)
+class SettleConfig:
+    """When to stop, and how to integrate.
+
+    Attributes:
+        time_step: of the discrete solver, s.
+        max_time: settling ends after this much simulated time, s.
+        rest_speed: an object slower than this (m/s, and rad/s times its radius)
+            for `rest_steps` steps is at rest.
+        rest_steps: see above.
+        lost_distance: an object that moves farther than this from where it began
+            has left the scene, m.
+        gravity: m/s^2.
+        hydroelastic_modulus: of the free object, Pa.
+        dissipation: Hunt-Crossley, s/m.
+        damping_time: the free object's motion dies away with this time constant, s
+            (the original system damps as heavily). It turns settling into creeping
+            to rest: penetration is pushed out without a jump, and nothing rolls off.
+    """
+
+    time_step: float = 0.01
+    max_time: float = 0.8
+    rest_speed: float = 0.01
+    rest_steps: int = 3
+    lost_distance: float = 0.3
+    gravity: float = 9.81
+    hydroelastic_modulus: float = 1e7
+    dissipation: float = 50.0
+    damping_time: float = 0.03
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Where an object came to rest.
+
+    Attributes:
+        X_SO: its pose, (4, 4).
+        at_rest: whether it stopped within the time limit.
+        lost: whether it left the scene, or the solver gave up; worthless then.
+        time: simulated time, s.
+    """
+
+    X_SO: Array
+    at_rest: bool
+    lost: bool
+    time: float
+
+
+class Settler:
+    """Settles one object among fixed others on the plane z = 0 of frame S.
+
+    Args:
+        model: the object that moves.
+        others: the objects that may be placed, in the order `settle` refers to.
+        config: when to stop.
+    """
+
+    def __init__(
+        self,
+        model: ObjectModel,
+        others: Sequence[ObjectModel],
+        config: SettleConfig = SettleConfig(),
+    ) -> None:
+        self._config = config
+        builder = DiagramBuilder()
+        self._plant, _ = AddMultibodyPlant(
+            MultibodyPlantConfig(
+                time_step=config.time_step,
+                discrete_contact_approximation="sap",
+                contact_model="hydroelastic",
+                use_sampled_output_ports=False,
+            ),
+            builder,
+        )
+        self._plant.mutable_gravity_field().set_gravity_vector(
+            [0.0, 0.0, -config.gravity]
+        )
+        _add_table(self._plant)
+        self._body = _add_body(self._plant, "free", model)
+        moment = float(np.trace(model.inertia)) / 3
+        self._joint = self._plant.AddJoint(
+            QuaternionFloatingJoint(
+                "free",
+                self._plant.world_frame(),
+                self._body.body_frame(),
+                angular_damping=moment / config.damping_time,
+                translational_damping=model.mass / config.damping_time,
+            )
+        )
+        _add_collision(self._plant, self._body, model, config)
+        self._slots = [
+            _add_placed(self._plant, f"placed_{n}", other)
+            for n, other in enumerate(others)
+        ]
+        self._plant.Finalize()
+        self._simulator = Simulator(builder.Build())
+        self._root = self._simulator.get_mutable_context()
+        self._context = self._plant.GetMyMutableContextFromRoot(self._root)
+        self._radius = model.diameter / 2
+
+    def settle(self, X_SO: Array, placed: Mapping[int, Array]) -> Settled:
+        """Drops the object from a pose and waits until it rests.
+
+        Args:
+            X_SO: where it starts, (4, 4).
+            placed: X_SO of those others that are in the scene, by their index.
+        """
+        for n, slot in enumerate(self._slots):
+            pose = RigidTransform(placed[n]) if n in placed else _PARKED
+            slot.SetPoseInParentFrame(self._context, pose)
+        start = RigidTransform(X_SO)
+        self._joint.SetPose(self._context, start)
+        self._plant.SetVelocities(self._context, np.zeros(6))
+        self._root.SetTime(0.0)
+        watch = _RestWatch(self._plant, self._body, self._radius, start, self._config)
+        self._simulator.set_monitor(watch)
+        try:
+            self._simulator.Initialize()
+            self._simulator.AdvanceTo(self._config.max_time)
+        except RuntimeError:  # the contact solver did not converge
+            return Settled(X_SO, at_rest=False, lost=True, time=self._root.get_time())
+        pose = self._plant.EvalBodyPoseInWorld(self._context, self._body)
+        X = pose.GetAsMatrix4()
+        lost = watch.lost or not np.isfinite(X).all()
+        return Settled(X, watch.at_rest and not lost, lost, self._root.get_time())
+
+
+class _RestWatch:
+    """A simulator's monitor that stops it when the body rests or is lost."""
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        body: RigidBody,
+        radius: float,
+        start: RigidTransform,
+        config: SettleConfig,
+    ) -> None:
+        self._plant, self._body, self._radius = plant, body, radius
+        self._start, self._config = start.translation(), config
+        self._quiet = 0
+        self.at_rest = False
+        self.lost = False
+
+    def __call__(self, root: object) -> EventStatus:
+        context = self._plant.GetMyContextFromRoot(root)
+        if context.get_time() == 0.0:
+            return EventStatus.DidNothing()
+        velocity = self._plant.EvalBodySpatialVelocityInWorld(context, self._body)
+        speed = max(
+            float(np.linalg.norm(velocity.translational())),
+            float(np.linalg.norm(velocity.rotational())) * self._radius,
+        )
+        self._quiet = self._quiet + 1 if speed < self._config.rest_speed else 0
+        if self._quiet >= self._config.rest_steps:
+            self.at_rest = True
+            return EventStatus.ReachedTermination(self._plant, "at rest")
+        position = self._plant.EvalBodyPoseInWorld(context, self._body).translation()
+        if np.linalg.norm(position - self._start) > self._config.lost_distance:
+            self.lost = True
+            return EventStatus.ReachedTermination(self._plant, "left the scene")
+        return EventStatus.DidNothing()
+
+
+def _add_body(plant: MultibodyPlant, name: str, model: ObjectModel) -> RigidBody:
+    inertia = UnitInertia(*_moments(model.inertia / model.mass))
+    return plant.AddRigidBody(
+        name,
+        SpatialInertia(
+            model.mass,
+            model.center_of_mass,
+            inertia.ShiftFromCenterOfMass(model.center_of_mass),
+        ),
+    )
+
+
+def _moments(inertia: Array) -> tuple[float, ...]:
+    """Ixx, Iyy, Izz, Ixy, Ixz, Iyz of a (3, 3) matrix."""
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    return tuple(float(inertia[r, c]) for r, c in zip(rows, columns, strict=True))
+
+
+def _add_table(plant: MultibodyPlant) -> None:
+    table = plant.AddRigidBody("table", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    plant.WeldFrames(plant.world_frame(), table.body_frame())
+    properties = ProximityProperties()
+    AddContactMaterial(friction=CoulombFriction(0.8, 0.8), properties=properties)
+    AddRigidHydroelasticProperties(properties)
+    plant.RegisterCollisionGeometry(
+        table, RigidTransform(), HalfSpace(), "plane", properties
+    )
+
+
+def _add_collision(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    model: ObjectModel,
+    config: SettleConfig | None,
+) -> None:
+    """Registers the convex pieces, compliant with a config and rigid without."""
+    properties = ProximityProperties()
+    AddContactMaterial(
+        friction=CoulombFriction(model.friction, model.friction),
+        dissipation=config.dissipation if config else None,
+        properties=properties,
+    )
+    if config:
+        AddCompliantHydroelasticProperties(
+            0.02, config.hydroelastic_modulus, properties
+        )
+    else:
+        AddRigidHydroelasticProperties(0.02, properties)
+    for n, piece in enumerate(model.collision_pieces):
+        text = piece.export(file_type="obj")
+        shape = Convex(
+            InMemoryMesh(mesh_file=MemoryFile(text, ".obj", f"{model.name}_{n}.obj"))
+        )
+        plant.RegisterCollisionGeometry(
+            body, RigidTransform(), shape, f"piece_{n}", properties
+        )
+
+
+def _add_placed(
+    plant: MultibodyPlant, name: str, model: ObjectModel
+) -> FixedOffsetFrame:
+    slot = plant.AddFrame(
+        FixedOffsetFrame(f"{name}_slot", plant.world_frame(), _PARKED)
+    )
+    body = _add_body(plant, name, model)
+    plant.WeldFrames(slot, body.body_frame())
+    _add_collision(plant, body, model, None)
+    return slot

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: MIT
+"""Depth images of single objects, rendered with Drake's RenderEngineVtk.
+
+The search draws one object at a time and composites, so each object stands alone in
+its own corner of the renderer's world and the camera is what moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import trimesh
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    ClippingRange,
+    DepthRange,
+    DepthRenderCamera,
+    GeometryInstance,
+    InMemoryMesh,
+    MakeRenderEngineVtk,
+    Mesh,
+    PerceptionProperties,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    Rgba,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.objects import ObjectModel
+from physim_drake.poses import Array, inverse
+
+_NEAR, _FAR = 0.05, 8.0
+_SPACING = 25.0
+_ENGINE = "vtk"
+
+
+def mesh_shape(mesh: trimesh.Trimesh, name: str) -> Mesh:
+    """A Drake shape of `mesh` (metres), held in memory."""
+    text = trimesh.exchange.obj.export_obj(
+        mesh, include_normals=True, include_texture=False, include_color=False
+    )
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", f"{name}.obj")))
+
+
+class DepthRenderer:
+    """Renders depth images of one object at a time.
+
+    Args:
+        models: the objects, by id.
+        intrinsics: of the camera.
+
+    A renderer holds an OpenGL context: make one a process and keep it.
+    """
+
+    def __init__(
+        self, models: Mapping[int, ObjectModel], intrinsics: CameraIntrinsics
+    ) -> None:
+        self.intrinsics = intrinsics
+        self._camera = _depth_camera(intrinsics)
+        builder = DiagramBuilder()
+        scene_graph = builder.AddSystem(SceneGraph())
+        scene_graph.AddRenderer(_ENGINE, MakeRenderEngineVtk(RenderEngineVtkParams()))
+        source = scene_graph.RegisterSource("objects")
+        self._X_WO = {}
+        for n, (object_id, model) in enumerate(models.items()):
+            p_WO = _SPACING * np.array([n % 16, n // 16 % 16, n // 256])
+            self._X_WO[object_id] = RigidTransform(p_WO)
+            instance = GeometryInstance(
+                RigidTransform(p_WO), mesh_shape(model.mesh, model.name), str(object_id)
+            )
+            properties = PerceptionProperties()
+            properties.AddProperty("phong", "diffuse", Rgba(0.7, 0.7, 0.7, 1.0))
+            instance.set_perception_properties(properties)
+            scene_graph.RegisterAnchoredGeometry(source, instance)
+        builder.ExportOutput(scene_graph.get_query_output_port(), "query")
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._query = self._diagram.GetOutputPort("query").Eval(self._context)
+        self._world = scene_graph.world_frame_id()
+
+    def render(self, object_id: int, X_CO: Array) -> DepthImage:
+        """Renders the object alone.
+
+        Args:
+            object_id: which object.
+            X_CO: its pose in the camera, (4, 4).
+
+        Returns:
+            (height, width) float32, z in m, 0 where the object is not.
+        """
+        X_OC = RigidTransform(inverse(X_CO))
+        image = self._query.RenderDepthImage(
+            camera=self._camera,
+            parent_frame=self._world,
+            X_PC=self._X_WO[object_id] @ X_OC,
+        )
+        depth = np.array(image.data[:, :, 0])
+        depth[~np.isfinite(depth)] = 0.0
+        return depth
+
+
+def _depth_camera(intrinsics: CameraIntrinsics) -> DepthRenderCamera:
+    core = RenderCameraCore(
+        _ENGINE,
+        CameraInfo(
+            width=intrinsics.width,
+            height=intrinsics.height,
+            focal_x=intrinsics.fx,
+            focal_y=intrinsics.fy,
+            center_x=intrinsics.cx + 0.5,
+            center_y=intrinsics.cy + 0.5,
+        ),
+        ClippingRange(_NEAR, _FAR),
+        RigidTransform(),
+    )
+    return DepthRenderCamera(core, DepthRange(_NEAR, _FAR))

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: MIT
+"""Algorithm 2 of the paper: place one more object, consistent with those placed.
+
+Re-segment, align by trimmed ICP, settle by physics, in that order; then draw and score.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from physim_drake.objects import ObjectModel
+from physim_drake.physics.depenetration import depenetrate
+from physim_drake.physics.settling import Settler
+from physim_drake.poses import Array, inverse, transform_points
+from physim_drake.registration import trimmed_icp
+from physim_drake.registration_model import registration_model
+from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.scene import Scene
+from physim_drake.search.states import (
+    ExpansionConfig,
+    Placement,
+    SceneRenderer,
+    composite,
+)
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A request: from a state, place these objects at these hypotheses, in order.
+
+    Attributes:
+        placed: the state's objects.
+        steps: (index, hypothesis X_SO) of each object to add.
+    """
+
+    placed: tuple[tuple[int, Array], ...]
+    steps: tuple[tuple[int, Array], ...]
+
+
+@dataclass(frozen=True)
+class RolloutResult:
+    """What came of a `Rollout`.
+
+    Attributes:
+        poses: X_SO of each added object after alignment and settling.
+        score: C of the final state; 0 where an object was lost.
+    """
+
+    poses: tuple[Array, ...]
+    score: int
+
+
+class SceneExpander:
+    """Runs expansions of one scene; holds its renderer and its plants.
+
+    Args:
+        scene: the image to explain.
+        models: the objects, by id.
+        renderer: draws them.
+        config: thresholds of the three steps.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        models: Mapping[int, ObjectModel],
+        renderer: DepthRenderer,
+        config: ExpansionConfig = ExpansionConfig(),  # noqa: B008 (frozen)
+    ) -> None:
+        self.scene = scene
+        self._config = config
+        self.models = [models[object_id] for object_id in scene.object_ids]
+        self.renderer = SceneRenderer(scene, renderer, config.epsilon)
+        self._settlers: dict[int, Settler] = {}
+        self._clouds = [self._thinned(k) for k in range(len(scene.segments))]
+
+    def run(self, rollout: Rollout) -> RolloutResult:
+        """Places the rollout's objects one after the other and scores the end."""
+        placed = dict(rollout.placed)
+        for index, X_SO in rollout.steps:
+            X = self.expand(placed, index, X_SO)
+            if X is None:
+                return RolloutResult(tuple(h for _, h in rollout.steps), 0)
+            placed[index] = X
+        score = self.renderer.score(self.renderer.image(placed))
+        return RolloutResult(tuple(placed[index] for index, _ in rollout.steps), score)
+
+    def expand(self, placed: Placement, index: int, X_SO: Array) -> Array | None:
+        """The pose an object takes, from a hypothesis, among those placed.
+
+        Returns:
+            X_SO (4, 4), or None where it left the scene and nothing speaks for where
+            it was.
+        """
+        config = self._config
+        points, normals = self.resegment(placed, index)
+        field = registration_model(self.models[index]).distance_field
+        aligned = trimmed_icp(field, X_SO[None], points, normals, config.icp)[0][0]
+        freed = depenetrate(
+            self.models[index],
+            aligned,
+            [(self.models[k], X) for k, X in placed.items()],
+        )
+        settled = self._settler(index).settle(
+            freed, {k - (k > index): X for k, X in placed.items()}
+        )
+        if settled.lost:
+            return freed
+        return self._supported(placed, index, freed, settled.X_SO)
+
+    def resegment(self, placed: Placement, index: int) -> tuple[Array, Array]:
+        """The object's points and normals (N, 3), less what placed objects explain."""
+        points, normals = self._clouds[index]
+        left = np.ones(len(points), dtype=bool)
+        for k, X_SO in placed.items():
+            field = registration_model(self.models[k]).distance_field
+            distances, _ = field.query(transform_points(inverse(X_SO), points))
+            left &= np.abs(distances) > self._config.resegment_distance
+        if left.sum() < self._config.min_points:
+            return points, normals
+        return points[left], normals[left]
+
+    def _supported(
+        self, placed: Placement, index: int, freed: Array, settled: Array
+    ) -> Array:
+        """The settled pose, unless it explains clearly less than before settling."""
+        moved = np.linalg.norm(settled[:3, 3] - freed[:3, 3])
+        turned = np.abs(settled[:3, :3] - freed[:3, :3]).max()
+        if moved < 0.002 and turned < 0.02:
+            return settled
+        parent = self.renderer.image(placed)
+        base = self.renderer.score(parent)
+        gains = [
+            self.renderer.score(composite(parent, self.renderer.object_image(index, X)))
+            - base
+            for X in (freed, settled)
+        ]
+        keep = gains[1] >= gains[0] - self._config.settle_loss * abs(gains[0])
+        return settled if keep else freed
+
+    def _settler(self, index: int) -> Settler:
+        if index not in self._settlers:
+            others = [m for k, m in enumerate(self.models) if k != index]
+            self._settlers[index] = Settler(
+                self.models[index], others, self._config.settle
+            )
+        return self._settlers[index]
+
+    def _thinned(self, index: int) -> tuple[Array, Array]:
+        """Evenly spread points of a segment, few enough to align quickly."""
+        segment, count = self.scene.segments[index], self._config.icp_points
+        n = len(segment.points)
+        if n <= count:
+            return segment.points, segment.normals
+        keep = np.random.default_rng(index).choice(n, count, replace=False)
+        return segment.points[np.sort(keep)], segment.normals[np.sort(keep)]

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: MIT
+"""States of the search: how they are made, drawn and scored."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physim_drake.camera import DepthImage
+from physim_drake.physics.settling import SettleConfig
+from physim_drake.poses import Array
+from physim_drake.registration import TrimmedIcpConfig
+from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.scene import Scene
+
+Placement = Mapping[int, Array]
+"""X_SO (4, 4) of the placed objects, by their index in the scene."""
+
+
+@dataclass(frozen=True)
+class ExpansionConfig:
+    """Settings of one expansion (Algorithm 2) and of the score.
+
+    Attributes:
+        epsilon: a pixel is explained where rendered and observed depth differ by
+            less, m.
+        resegment_distance: points nearer than this to a placed object are taken from
+            the segment of the next, m.
+        min_points: a segment that would keep fewer points is left whole.
+        icp: of the trimmed ICP.
+        icp_points: at most this many points of a segment are aligned.
+        settle: of the physics.
+        settle_loss: the settled pose is dropped, and the registered one kept, where
+            settling loses more than this share of the pixels the object explained:
+            what held the object is not placed yet, or not well enough.
+    """
+
+    epsilon: float = 0.01
+    resegment_distance: float = 0.008
+    min_points: int = 30
+    icp: TrimmedIcpConfig = field(
+        default_factory=lambda: TrimmedIcpConfig(keep=0.7, iterations=25)
+    )
+    icp_points: int = 400
+    settle: SettleConfig = field(default_factory=SettleConfig)
+    settle_loss: float = 0.1
+
+
+class SceneRenderer:
+    """Draws states of a scene and scores them, remembering single objects' images.
+
+    Args:
+        scene: what was observed.
+        renderer: draws single objects of it.
+        epsilon: of the score, m.
+        remembered: how many objects' images are kept.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        renderer: DepthRenderer,
+        epsilon: float,
+        remembered: int = 48,
+    ) -> None:
+        self.scene = scene
+        self._epsilon = epsilon
+        self._renderer = renderer
+        self._remembered = remembered
+        self._images: OrderedDict[tuple[int, bytes], DepthImage] = OrderedDict()
+
+    def object_image(self, index: int, X_SO: Array) -> DepthImage:
+        """Depth image of one object alone, m, 0 where it is not."""
+        key = (self.scene.object_ids[index], X_SO.tobytes())
+        image = self._images.pop(key, None)
+        if image is None:
+            image = self._renderer.render(key[0], self.scene.X_CS @ X_SO)
+        self._images[key] = image
+        if len(self._images) > self._remembered:
+            self._images.popitem(last=False)
+        return image
+
+    def image(self, placed: Placement) -> DepthImage:
+        """Depth image of all placed objects, the nearest winning."""
+        result = np.zeros_like(self.scene.observed)
+        for index, X_SO in placed.items():
+            result = composite(result, self.object_image(index, X_SO))
+        return result
+
+    def labels(self, placed: Placement) -> tuple[DepthImage, NDArray[np.int16]]:
+        """Depth image, and the index of the object seen in each pixel (-1: none)."""
+        depth = np.zeros_like(self.scene.observed)
+        labels = np.full(depth.shape, -1, dtype=np.int16)
+        for index, X_SO in placed.items():
+            image = self.object_image(index, X_SO)
+            nearer = (image > 0) & ((depth == 0) | (image < depth))
+            depth = np.where(nearer, image, depth)
+            labels[nearer] = index
+        return depth, labels
+
+    def score(self, image: DepthImage) -> int:
+        """The paper's C: pixels whose rendered and observed depth agree."""
+        observed = self.scene.observed
+        close = np.abs(image - observed) < self._epsilon
+        return int(np.count_nonzero(close & (observed > 0) & (image > 0)))
+
+    def confidences(self, placed: Placement) -> dict[int, float]:
+        """How well the image confirms each object, 0..1.
+
+        The share of its visible pixels whose depth agrees, times the share of its
+        segment's pixels that the state explains.
+        """
+        image, labels = self.labels(placed)
+        known = self.scene.depth > 0
+        agrees = (image > 0) & (np.abs(image - self.scene.depth) < self._epsilon)
+        result = {}
+        for index in placed:
+            visible = (labels == index) & known
+            segment = self.scene.segments[index].mask
+            result[index] = _share(agrees, visible) * _share(agrees, segment)
+        return result
+
+
+def _share(mask: NDArray[np.bool_], of: NDArray[np.bool_]) -> float:
+    """The share of the pixels `of` that lie in `mask`; 0 if there are none."""
+    return float(np.count_nonzero(mask & of) / max(np.count_nonzero(of), 1))
+
+
+def composite(parent: DepthImage, new: DepthImage) -> DepthImage:
+    """The nearer depth of two images, 0 meaning nothing there."""
+    nearer = (new > 0) & ((parent == 0) | (new < parent))
+    return np.asarray(np.where(nearer, new, parent))

@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: MIT
+"""UCT over the hypotheses of one group of objects (Algorithm 3 of the paper).
+
+Rollouts run in rounds of a fixed size, whatever the number of workers: each selection
+counts as a visit at once, so that the next one looks elsewhere, and rewards are added
+in the order of selection. So the same seed gives the same poses on any machine.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Literal
+
+import numpy as np
+
+from physim_drake.poses import Array
+from physim_drake.search.expansion import Rollout, RolloutResult
+
+RunRollouts = Callable[[Sequence[Rollout]], list[RolloutResult]]
+Path = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """Budget and constants of the tree search.
+
+    Attributes:
+        expansions: at most this many expansions a group.
+        time_limit: seconds a group; none by default, since it ends reproducibility.
+        exploration: the UCB constant alpha, in pixels.
+        rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
+        round_size: rollouts selected before any of them is scored.
+        kept_states: complete states handed on to refinement.
+    """
+
+    expansions: int = 250
+    time_limit: float = math.inf
+    exploration: float = 5000.0
+    rollout: Literal["random", "best_lcp"] = "random"
+    round_size: int = 4
+    kept_states: int = 4
+
+
+@dataclass(frozen=True)
+class ScoredState:
+    """A complete state of a group.
+
+    Attributes:
+        hypotheses: index of the hypothesis each object started from.
+        poses: X_SO of each object, (N, 4, 4), in the group's order.
+        score: C, in pixels.
+    """
+
+    hypotheses: Path
+    poses: Array
+    score: int
+
+
+@dataclass(frozen=True)
+class TracePoint:
+    """The best state at one moment of a search.
+
+    Attributes:
+        expansion: how many had been made.
+        seconds: since the search began.
+        score: best C so far, in pixels.
+        poses: X_SO (N, 4, 4) of that state, in the group's order.
+    """
+
+    expansion: int
+    seconds: float
+    score: int
+    poses: Array
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """What a search found.
+
+    Attributes:
+        order: indices of the objects, in the order they were placed.
+        states: the best complete states, best first; empty if none was scored.
+        trace: the anytime curve, a point each time the best score rose.
+        expansions: how many were made.
+    """
+
+    order: tuple[int, ...]
+    states: tuple[ScoredState, ...]
+    trace: tuple[TracePoint, ...]
+    expansions: int
+
+
+@dataclass
+class _Node:
+    path: Path
+    untried: list[int]
+    parent: _Node | None = None
+    children: list[_Node] = field(default_factory=list)
+    visits: int = 0
+    reward: float = 0.0
+    closed: bool = False
+    pending: bool = False
+
+
+class GroupSearch:
+    """The state that MCTS and the depth-first heuristic share.
+
+    Args:
+        order: indices of the group's objects, in placing order.
+        hypotheses: X_SO (K, 4, 4) of each object of the group, best LCP first.
+        run: scores rollouts, in order.
+        config: budget.
+        clock: seconds, for the trace and the time limit.
+    """
+
+    def __init__(
+        self,
+        order: Sequence[int],
+        hypotheses: Sequence[Array],
+        run: RunRollouts,
+        config: SearchConfig,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.order, self.hypotheses, self.config = tuple(order), hypotheses, config
+        self._run, self._clock, self._start = run, clock, clock()
+        self._poses: dict[Path, Array] = {}
+        self._scores: dict[Path, int] = {}
+        self._trace: list[TracePoint] = []
+        self._best = -1
+        self.expansions = 0
+
+    @property
+    def depth(self) -> int:
+        """How many objects the group has."""
+        return len(self.order)
+
+    @property
+    def spent(self) -> bool:
+        """Whether the budget is used up."""
+        return (
+            self.expansions >= self.config.expansions
+            or self._clock() - self._start > self.config.time_limit
+        )
+
+    def score(self, paths: Sequence[Path]) -> list[int]:
+        """Scores complete paths, expanding only what no earlier path has expanded."""
+        todo: list[tuple[Path, int]] = []
+        for path in dict.fromkeys(paths):
+            if path not in self._scores:
+                known = self._known_prefix(path)
+                todo.append((path, known))
+                self.expansions += len(path) - known
+        results = self._run([self._rollout(path, known) for path, known in todo])
+        for (path, known), result in zip(todo, results, strict=True):
+            for n, X_SO in enumerate(result.poses):
+                self._poses[path[: known + n + 1]] = X_SO
+            self._scores[path] = result.score
+            if result.score > self._best:
+                self._best = result.score
+                self._record(path)
+        return [self._scores[path] for path in paths]
+
+    def result(self) -> SearchResult:
+        """The best distinct states and the trace."""
+        ranked = sorted(self._scores.items(), key=lambda item: (-item[1], item[0]))
+        states: list[ScoredState] = []
+        for path, score in ranked:
+            poses = self._path_poses(path)
+            if all(_distinct(poses, state.poses) for state in states):
+                states.append(ScoredState(path, poses, score))
+            if len(states) == self.config.kept_states:
+                break
+        return SearchResult(
+            self.order, tuple(states), tuple(self._trace), self.expansions
+        )
+
+    def _known_prefix(self, path: Path) -> int:
+        known = len(path)
+        while known and path[:known] not in self._poses:
+            known -= 1
+        return known
+
+    def _rollout(self, path: Path, known: int) -> Rollout:
+        placed = [(self.order[n], self._poses[path[: n + 1]]) for n in range(known)]
+        steps = [
+            (self.order[n], self.hypotheses[n][path[n]])
+            for n in range(known, len(path))
+        ]
+        return Rollout(tuple(placed), tuple(steps))
+
+    def _path_poses(self, path: Path) -> Array:
+        return np.stack([self._poses[path[: n + 1]] for n in range(len(path))])
+
+    def _record(self, path: Path) -> None:
+        self._trace.append(
+            TracePoint(
+                self.expansions,
+                self._clock() - self._start,
+                self._best,
+                self._path_poses(path),
+            )
+        )
+
+
+def _distinct(a: Array, b: Array) -> bool:
+    """Whether two states differ by more than 2 mm or about 1 degree in an object."""
+    shift = np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()
+    turn = np.abs(a[:, :3, :3] - b[:, :3, :3]).max()
+    return bool(shift > 0.002 or turn > 0.02)
+
+
+def monte_carlo_tree_search(
+    search: GroupSearch, generator: np.random.Generator
+) -> SearchResult:
+    """UCT: selects, expands, rolls out and backs up until the budget is spent.
+
+    Unexpanded children are taken in the order of the hypotheses, best LCP first. The
+    search also ends when every combination has been scored.
+    """
+    root = _Node((), list(range(len(search.hypotheses[0]))))
+    while not search.spent and not root.closed:
+        leaves: list[_Node] = []
+        while len(leaves) < search.config.round_size:
+            leaf = _select(root, search)
+            if leaf is None:
+                break
+            leaves.append(leaf)
+        paths = [_complete(leaf.path, search, generator) for leaf in leaves]
+        for leaf, reward in zip(leaves, search.score(paths), strict=True):
+            leaf.pending = False
+            _back_up(leaf, reward)
+    return search.result()
+
+
+def _select(root: _Node, search: GroupSearch) -> _Node | None:
+    """Descends by UCB to a node with an untried child, adds it, counts the visit."""
+    node = root
+    while not node.untried:
+        open_children = [c for c in node.children if not (c.closed or c.pending)]
+        if not open_children:
+            return None
+        # The visits of selections in flight count, their rewards do not yet.
+        parent_visits = max(node.visits, 1)
+        node = max(
+            open_children,
+            key=lambda c: (
+                c.reward / c.visits
+                + search.config.exploration
+                * math.sqrt(2 * math.log(parent_visits) / c.visits)
+            ),
+        )
+    choice = node.untried.pop(0)
+    path = (*node.path, choice)
+    terminal = len(path) == search.depth
+    untried = [] if terminal else list(range(len(search.hypotheses[len(path)])))
+    child = _Node(path, untried, node, closed=terminal, pending=True)
+    node.children.append(child)
+    up: _Node | None = child
+    while up is not None:
+        up.visits += 1
+        up = up.parent
+    return child
+
+
+def _complete(path: Path, search: GroupSearch, generator: np.random.Generator) -> Path:
+    """Draws a hypothesis for every object that the path leaves open."""
+    counts = [len(h) for h in search.hypotheses[len(path) :]]
+    if search.config.rollout == "best_lcp":
+        return (*path, *(0 for _ in counts))
+    return (*path, *(int(generator.integers(n)) for n in counts))
+
+
+def _back_up(leaf: _Node, reward: float) -> None:
+    node: _Node | None = leaf
+    while node is not None:
+        node.reward += reward
+        if not node.untried and node.children:
+            node.closed = all(child.closed for child in node.children)
+        node = node.parent
+
+
+def heuristic_search(search: GroupSearch) -> SearchResult:
+    """PHYSIM-Heuristic: depth first, best LCP first (the paper, section IV-C)."""
+    paths = _depth_first([len(h) for h in search.hypotheses])
+    exhausted = False
+    while not search.spent and not exhausted:
+        batch = list(islice(paths, search.config.round_size))
+        exhausted = len(batch) < search.config.round_size
+        search.score(batch)
+    return search.result()
+
+
+def _depth_first(counts: Sequence[int]) -> Iterator[Path]:
+    if not counts:
+        yield ()
+        return
+    for head in range(counts[0]):
+        for tail in _depth_first(counts[1:]):
+            yield (head, *tail)
