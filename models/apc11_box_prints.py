@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+
 from physim_drake.models.apc11_drawing import (
     BLACK,
     BLUE,

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from physim_drake.models import apc11_box_prints as boxes
 from physim_drake.models import apc11_round_prints as rounds
 from physim_drake.models.apc11_drawing import Panel

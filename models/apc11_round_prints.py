@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from physim_drake.models.apc11_drawing import BLACK, BLUE, WHITE, YELLOW, Panel
 from PIL import Image
 from scipy.spatial import KDTree
+
+from physim_drake.models.apc11_drawing import BLACK, BLUE, WHITE, YELLOW, Panel
 
 
 def coffee(panels: Mapping[str, Panel]) -> None:

@@ -13,7 +13,6 @@ import tempfile
 from pathlib import Path
 from zipfile import BadZipFile
 
-import coacd
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
@@ -154,6 +153,11 @@ def _extreme_points(points: Array) -> list[int]:
 
 def _decompose(mesh: trimesh.Trimesh) -> list[Array]:
     """Vertices of each convex part, (N, 3), m."""
+    # Loaded before pydrake, CoACD's bundled C++ runtime breaks pydrake's casts.
+    import pydrake.systems.framework  # noqa: F401, I001
+
+    import coacd
+
     coacd.set_log_level("off")
     # A search half as long as the default finds about the same pieces of our objects.
     parts = coacd.run_coacd(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from physim_drake.registration_model import registration_model
 from physim_drake.scene import Scene, prepare_scene
 from physim_drake.search.dependency import dependency_graph
 from physim_drake.search.expansion import Rollout, RolloutResult
+from physim_drake.search.states import Placement
 from physim_drake.search.tree import (
     GroupSearch,
     SearchConfig,
@@ -57,6 +59,9 @@ class EstimationConfig:
         search: budget and constants of the tree search.
         steps: settings of the steps that run in workers.
         min_segment_points: an object with fewer points is reported as not found.
+        rounds: a group is searched at most this often, with new hypotheses for
+            objects that the image does not confirm; 1 is the paper's way.
+        confirmed: the confidence from which on an object is.
     """
 
     method: Method = Method.PHYSIM_MCTS
@@ -65,6 +70,8 @@ class EstimationConfig:
     search: SearchConfig = field(default_factory=SearchConfig)
     steps: WorkerConfig = field(default_factory=WorkerConfig)
     min_segment_points: int = 30
+    rounds: int = 2
+    confirmed: float = 0.8
 
 
 class PoseEstimator:
@@ -150,10 +157,15 @@ class PoseEstimator:
     ) -> None:
         self.close()
 
-    def _hypotheses(self, large: Sequence[int]) -> dict[int, PoseHypotheses]:
-        seeds = [(k, (self._config.seed, k)) for k in large]
-        found = self._pool.map("hypotheses", seeds)
-        return {k: h for k, h in zip(large, found, strict=True) if len(h.X_SO)}
+    def _hypotheses(
+        self, requests: Sequence[tuple[int, Placement]], number: int
+    ) -> dict[int, PoseHypotheses]:
+        """Hypotheses of objects, from their points less what others explain."""
+        found = self._pool.map(
+            "hypotheses",
+            [(k, others, (self._config.seed, number, k)) for k, others in requests],
+        )
+        return {k: h for (k, _), h in zip(requests, found, strict=True) if len(h.X_SO)}
 
     def _search(
         self,
@@ -163,45 +175,83 @@ class PoseEstimator:
         trace: list[SearchTrace],
     ) -> dict[int, Array]:
         """Searches each independent group, refines its best states, joins them."""
-        hypotheses = self._hypotheses(large)
+        found = self._hypotheses([(k, {}) for k in large], 0)
         clock.lap("hypotheses")
-        graph = dependency_graph(scene.segments, scene.X_CS)
-        groups = [
-            tuple(k for k in component if k in hypotheses)
-            for component in graph.components
-        ]
-        results = [
-            self._search_group(group, hypotheses, n)
-            for n, group in enumerate(groups)
-            if group
-        ]
-        clock.lap("search")
         placed: dict[int, Array] = {}
-        for result in results:
+        groups = dependency_graph(scene.segments, scene.X_CS).components
+        for component in groups:
+            order = tuple(k for k in component if k in found)
+            if order:
+                hypotheses = {k: found[k].poses for k in order}
+                placed |= self._search_group(scene, order, hypotheses, clock, trace)
+        if len(groups) > 1 and placed:
+            placed = self._pool.map("refine", [(placed,)])[0][0]
+        clock.lap("refinement")
+        return placed
+
+    def _search_group(
+        self,
+        scene: Scene,
+        order: Sequence[int],
+        hypotheses: dict[int, Array],
+        clock: _StageClock,
+        trace: list[SearchTrace],
+    ) -> dict[int, Array]:
+        """The best refined state of one group.
+
+        An object that the image does not confirm gets new hypotheses, from those of
+        its points that better confirmed objects do not explain, and the group is
+        searched again with these, best confirmed objects first; the confirmed ones
+        keep their poses.
+        """
+        best: dict[int, Array] = {}
+        best_cost = math.inf
+        for number in range(self._config.rounds):
+            result = self._run_search(order, hypotheses, number)
+            clock.lap("search")
             trace.append(SearchTrace.of(result, scene))
             states = [
                 dict(zip(result.order, state.poses, strict=True))
                 for state in result.states
             ]
             refined = self._pool.map("refine", [(state,) for state in states])
-            placed |= min(refined, key=lambda r: r[1])[0]
-        if len(results) > 1:
-            placed = self._pool.map("refine", [(placed,)])[0][0]
-        clock.lap("refinement")
-        return placed
+            clock.lap("refinement")
+            state, cost = min(refined, key=lambda r: r[1])
+            if cost < best_cost:
+                best, best_cost = state, cost
+            confidence = self._pool.map("confidences", [(best,)])[0]
+            doubtful = [k for k in order if confidence[k] < self._config.confirmed]
+            if not doubtful or number + 1 == self._config.rounds:
+                break
+            order = sorted(order, key=lambda k: -confidence[k])
+            again = self._hypotheses(
+                [
+                    (k, {j: best[j] for j in order if confidence[j] > confidence[k]})
+                    for k in doubtful
+                ],
+                number + 1,
+            )
+            clock.lap("hypotheses")
+            hypotheses = {
+                k: np.concatenate([best[k][None], again[k].poses])
+                if k in again
+                else best[k][None]
+                for k in order
+            }
+        return best
 
-    def _search_group(
-        self, order: Sequence[int], hypotheses: Mapping[int, PoseHypotheses], n: int
+    def _run_search(
+        self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int
     ) -> SearchResult:
         def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
             return self._pool.map("rollout", [(rollout,) for rollout in rollouts])
 
         search = GroupSearch(
-            order, [hypotheses[k].poses for k in order], run, self._config.search
+            order, [hypotheses[k] for k in order], run, self._config.search
         )
         if self._config.method is Method.PHYSIM_HEURISTIC:
             return heuristic_search(search)
-        generator = np.random.default_rng([self._config.seed, n, 1])
+        generator = np.random.default_rng([self._config.seed, number, *order])
         return monte_carlo_tree_search(search, generator)
 
     def _register(
@@ -211,7 +261,7 @@ class PoseEstimator:
         if self._config.method is Method.SUPER4PCS_ICP:
             starts = {
                 k: h.X_SO[[int(h.lcp.argmax())]]
-                for k, h in self._hypotheses(large).items()
+                for k, h in self._hypotheses([(k, {}) for k in large], 0).items()
             }
         else:
             starts = {

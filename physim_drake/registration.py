@@ -126,6 +126,7 @@ def _distance_in_frame(
     x = X[0, 0] * dx + X[1, 0] * dy + X[2, 0] * dz
     y = X[0, 1] * dx + X[1, 1] * dy + X[2, 1] * dz
     z = X[0, 2] * dx + X[1, 2] * dy + X[2, 2] * dz
+    d: float
     d, gx, gy, gz = lookup(values, origin, inverse_spacing, x, y, z)
     out[0] = X[0, 0] * gx + X[0, 1] * gy + X[0, 2] * gz
     out[1] = X[1, 0] * gx + X[1, 1] * gy + X[1, 2] * gz

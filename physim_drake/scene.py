@@ -43,10 +43,7 @@ def prepare_scene(
     detections: Sequence[Detection],
 ) -> Scene:
     """Cuts an observation into the segments of its detections."""
-    return Scene(
-        segment_objects(observation, surface, detections),
-        observation.depth,
-        foreground(observation, surface),
-        observation.intrinsics,
-        surface.X_CS,
-    )
+    observed = foreground(observation, surface)
+    K = observation.intrinsics
+    segments = segment_objects(observed, K, surface, detections)
+    return Scene(segments, observation.depth, observed, K, surface.X_CS)

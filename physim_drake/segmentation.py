@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.observation import Detection, RgbdObservation, Segment
 from physim_drake.poses import Array, transform_points
 from physim_drake.surface import SupportSurface, depth_noise
@@ -19,7 +20,7 @@ _NORMAL_NEIGHBOURS = 25
 _MIN_HEIGHT = 0.003
 
 
-def foreground(observation: RgbdObservation, surface: SupportSurface) -> Array:
+def foreground(observation: RgbdObservation, surface: SupportSurface) -> DepthImage:
     """The depth image (m) with the support surface and what is below it set to 0."""
     p_C = observation.intrinsics.unproject(observation.depth)
     normal = surface.X_CS[:3, 2]
@@ -28,25 +29,31 @@ def foreground(observation: RgbdObservation, surface: SupportSurface) -> Array:
     # A depth error shifts the height by its share along the normal.
     share = np.abs(observation.intrinsics.rays() @ normal)
     above = heights > np.maximum(_MIN_HEIGHT, 2.5 * noise * share)
-    return np.asarray(np.where(above & (observation.depth > 0), observation.depth, 0))
+    return np.where(above, observation.depth, np.float32(0))
 
 
 def segment_objects(
-    observation: RgbdObservation,
+    observed: DepthImage,
+    intrinsics: CameraIntrinsics,
     surface: SupportSurface,
     detections: Sequence[Detection],
 ) -> list[Segment]:
     """Cuts each detection's points out of the cloud.
 
-    Points on or below the surface go, as do points with fewer than ten neighbours
-    within 3 cm; the rest is thinned to 3 mm. A segment may end up empty.
+    Points with fewer than ten neighbours within 3 cm go, and the rest is thinned to
+    3 mm. A segment may end up empty.
+
+    Args:
+        observed: depth image, m, 0 for the support surface (see `foreground`).
+        intrinsics: of the camera.
+        surface: whose frame the points are given in.
+        detections: where the objects are.
     """
-    depth = foreground(observation, surface)
-    p_C = observation.intrinsics.unproject(depth.astype(np.float32))
+    p_C = intrinsics.unproject(observed)
     camera_S = surface.X_SC[:3, 3]
     segments = []
     for detection in detections:
-        mask = detection.pixels(*observation.depth.shape) & (depth > 0)
+        mask = detection.pixels(*observed.shape) & (observed > 0)
         points = _thin(transform_points(surface.X_SC, p_C[mask]))
         points = _without_outliers(points)
         normals = estimate_normals(points, camera_S)

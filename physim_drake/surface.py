@@ -21,6 +21,8 @@ _ITERATIONS = 1500
 _VOXEL = 0.01
 _MAX_RANGE = 3.0
 _MAX_TILT = np.radians(30.0)
+_MAX_BELOW = 0.1  # of the detections' points
+_MIN_SUPPORT = 50
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,8 @@ def find_support_surface(
         InputError: where no plane has enough points.
     """
     generator = np.random.default_rng(0) if generator is None else generator
-    cloud = _cloud_near(observation, detections)
-    voxels = np.unique(np.floor(cloud / _VOXEL).astype(int), axis=0, return_index=True)
-    points = cloud[np.sort(voxels[1])]
+    cloud, objects = _cloud_near(observation, detections)
+    points = _thinned(cloud, 4000, generator)
     if len(points) < 100:
         raise InputError(
             observation.name,
@@ -98,7 +99,9 @@ def find_support_surface(
             "surface",
         )
     up_C = None if observation.X_WC is None else observation.X_WC[:3, :3].T[:, 2]
-    normal, offset = _ransac(points, up_C, generator)
+    normal, offset = _ransac(
+        points, _thinned(objects, 1000, generator), up_C, generator
+    )
     for scale in (3.0, 2.0, 2.0):
         heights = cloud @ normal + offset
         inliers = np.abs(heights) < scale * depth_noise(cloud[:, 2]) + 0.001
@@ -106,25 +109,42 @@ def find_support_surface(
     return _surface_from_plane(normal, offset, observation.X_WC)
 
 
-def _cloud_near(observation: RgbdObservation, detections: Sequence[Detection]) -> Array:
-    """Points (N, 3) in C within reach of the detections' boxes, grown by their size."""
+def _cloud_near(
+    observation: RgbdObservation, detections: Sequence[Detection]
+) -> tuple[Array, Array]:
+    """Points (N, 3) in C around the detections, and those in them; all, and none."""
+    shape = observation.depth.shape
     valid = (observation.depth > 0) & (observation.depth < _MAX_RANGE)
-    if detections:
-        near = np.zeros_like(valid)
-        for detection in detections:
-            left, top, right, bottom = detection.box
-            grow = 0.6 * max(right - left, bottom - top)
-            rows = slice(max(int(top - grow), 0), max(int(bottom + grow), 0))
-            columns = slice(max(int(left - grow), 0), max(int(right + grow), 0))
-            near[rows, columns] = True
-        valid &= near
-    return np.asarray(observation.intrinsics.unproject(observation.depth)[valid])
+    near, inside = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    for detection in detections:
+        left, top, right, bottom = detection.box
+        grow = 0.6 * max(right - left, bottom - top)
+        rows = slice(max(int(top - grow), 0), max(int(bottom + grow), 0))
+        columns = slice(max(int(left - grow), 0), max(int(right + grow), 0))
+        near[rows, columns] = True
+        inside |= detection.pixels(*shape)
+    cloud = observation.intrinsics.unproject(observation.depth)
+    return cloud[valid & (near if detections else True)], cloud[valid & inside]
+
+
+def _thinned(points: Array, count: int, generator: np.random.Generator) -> Array:
+    """One point a voxel, and at most `count` of them."""
+    if len(points) == 0:
+        return points
+    cells = np.floor(points / _VOXEL).astype(int)
+    thinned = points[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
+    if len(thinned) <= count:
+        return np.asarray(thinned)
+    return np.asarray(thinned[generator.choice(len(thinned), count, replace=False)])
 
 
 def _ransac(
-    points: Array, up_C: Array | None, generator: np.random.Generator
+    points: Array,
+    objects: Array,
+    up_C: Array | None,
+    generator: np.random.Generator,
 ) -> tuple[Array, float]:
-    """The plane (unit normal, offset) with most points on it and fewest below."""
+    """The plane (unit normal, offset) with most points on it and no objects below."""
     triples = points[generator.integers(len(points), size=(_ITERATIONS, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
@@ -137,14 +157,14 @@ def _ransac(
     if up_C is not None:
         upright = normals @ up_C > np.cos(_MAX_TILT)
         normals, offsets = normals[upright], offsets[upright]
-    if len(points) > 4000:
-        points = points[generator.choice(len(points), 4000, replace=False)]
-    heights = points @ normals.T + offsets
     band = 3 * depth_noise(points[:, 2])[:, None]
-    support = (np.abs(heights) < band).sum(axis=0)
-    below = (heights < -3 * band).sum(axis=0)
-    score = support - 1.0 * below
-    if len(normals) == 0 or support[score.argmax()] < 50:
+    support = (np.abs(points @ normals.T + offsets) < band).sum(axis=0)
+    below = np.zeros(len(normals))
+    if len(objects):
+        band = 10 * depth_noise(objects[:, 2])[:, None]
+        below = (objects @ normals.T + offsets < -band).mean(axis=0)
+    score = support * (below < _MAX_BELOW)
+    if len(normals) == 0 or score.max() < _MIN_SUPPORT:
         raise InputError(
             "support surface",
             "no plane found under the objects",

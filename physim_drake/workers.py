@@ -77,12 +77,14 @@ class Worker:
         assert self._expander is not None, "set_scene comes first"
         return self._expander
 
-    def hypotheses(self, index: int, seed: Sequence[int]) -> PoseHypotheses:
-        """Pose hypotheses of the scene's object `index`."""
+    def hypotheses(
+        self, index: int, others: Placement, seed: Sequence[int]
+    ) -> PoseHypotheses:
+        """Hypotheses of object `index`, from points that `others` do not explain."""
         return generate_hypotheses(
             self.expander.models[index],
             self.expander.scene,
-            index,
+            *self.expander.resegment(others, index),
             np.random.default_rng(list(seed)),
             self._config.hypotheses,
         )
@@ -162,8 +164,8 @@ class WorkerPool:
         for link in self._links:
             _send_next(link, method, todo, busy)
         while busy:
-            for link in wait(list(busy)):
-                assert isinstance(link, Connection)
+            ready: list[Any] = wait(list(busy))
+            for link in ready:
                 results[busy.pop(link)] = _receive(link)
                 _send_next(link, method, todo, busy)
         return results

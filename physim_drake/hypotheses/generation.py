@@ -11,7 +11,6 @@ from physim_drake.hypotheses.clustering import ClusteringConfig, cluster_poses
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig, pair_index, super4pcs
 from physim_drake.hypotheses.visibility import visibility
 from physim_drake.objects import ObjectModel
-from physim_drake.observation import Segment
 from physim_drake.poses import Array
 from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
 from physim_drake.registration_model import registration_model
@@ -72,22 +71,31 @@ class PoseHypotheses:
 def generate_hypotheses(
     model: ObjectModel,
     scene: Scene,
-    index: int,
+    points: Array,
+    normals: Array,
     generator: np.random.Generator,
     config: HypothesisConfig = HypothesisConfig(),
 ) -> PoseHypotheses:
-    """Super4PCS poses of one of the scene's segments, scored and clustered.
+    """Super4PCS poses of a segment, scored and clustered.
 
     For choosing among them, each pose weighs its LCP score (how much of the segment
     it explains) times its visibility (how much of what it shows was observed).
+
+    Args:
+        model: the object.
+        scene: the image it is in.
+        points: p_S of its segment, (N, 3), m.
+        normals: their unit normals, (N, 3).
+        generator: of all random choices.
+        config: sizes and tolerances.
 
     Returns:
         The whole scored set; empty where the segment is too small to match.
     """
     prepared = registration_model(model)
-    points, normals = _subsample(
-        scene.segments[index], config.segment_points, generator
-    )
+    if len(points) > config.segment_points:
+        keep = generator.choice(len(points), config.segment_points, replace=False)
+        points, normals = points[keep], normals[keep]
     X_SO = super4pcs(pair_index(model), points, normals, generator, config.super4pcs)
     if len(X_SO) == 0:
         return PoseHypotheses(
@@ -109,13 +117,3 @@ def generate_hypotheses(
     ]
     chosen = chosen[np.argsort(-lcp[chosen], kind="stable")]
     return PoseHypotheses(model.object_id, X_SO, lcp, chosen)
-
-
-def _subsample(
-    segment: Segment, count: int, generator: np.random.Generator
-) -> tuple[Array, Array]:
-    n = len(segment.points)
-    if n <= count:
-        return segment.points, segment.normals
-    keep = np.sort(generator.choice(n, count, replace=False))
-    return segment.points[keep], segment.normals[keep]

@@ -92,7 +92,8 @@ def pair_angles(p1: Array, n1: Array, p2: Array, n2: Array) -> Array:
     line = line / (np.linalg.norm(line, axis=-1, keepdims=True) + 1e-12)
 
     def angle(a: Array, b: Array) -> Array:
-        return np.arccos(np.clip(np.einsum("...i,...i->...", a, b), -1, 1))
+        cosine = np.einsum("...i,...i->...", a, b)
+        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
     return np.stack([angle(n1, line), angle(n2, line), angle(n1, n2)], axis=-1)
 

@@ -83,8 +83,8 @@ def _visibility(
             )
             if facing >= 0:
                 continue
-            u = int(round(K[0] * px / pz + K[2]))
-            v = int(round(K[1] * py / pz + K[3]))
+            u = round(K[0] * px / pz + K[2])
+            v = round(K[1] * py / pz + K[3])
             if u < 0 or u >= width or v < 0 or v >= height:
                 continue
             d = depth[v, u]

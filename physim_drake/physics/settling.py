@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -212,15 +213,11 @@ class _RestWatch:
 
 
 def _add_body(plant: MultibodyPlant, name: str, model: ObjectModel) -> RigidBody:
+    com: Any = model.center_of_mass
     inertia = UnitInertia(*_moments(model.inertia / model.mass))
-    return plant.AddRigidBody(
-        name,
-        SpatialInertia(
-            model.mass,
-            model.center_of_mass,
-            inertia.ShiftFromCenterOfMass(model.center_of_mass),
-        ),
-    )
+    spatial = SpatialInertia(model.mass, com, inertia.ShiftFromCenterOfMass(com))
+    body: RigidBody = plant.AddRigidBody(name, spatial)
+    return body
 
 
 def _moments(inertia: Array) -> tuple[float, ...]:
@@ -272,7 +269,7 @@ def _add_collision(
 def _add_placed(
     plant: MultibodyPlant, name: str, model: ObjectModel
 ) -> FixedOffsetFrame:
-    slot = plant.AddFrame(
+    slot: FixedOffsetFrame = plant.AddFrame(
         FixedOffsetFrame(f"{name}_slot", plant.world_frame(), _PARKED)
     )
     body = _add_body(plant, name, model)

@@ -8,6 +8,7 @@ its own corner of the renderer's world and the camera is what moves.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -63,7 +64,7 @@ class DepthRenderer:
         self.intrinsics = intrinsics
         self._camera = _depth_camera(intrinsics)
         builder = DiagramBuilder()
-        scene_graph = builder.AddSystem(SceneGraph())
+        scene_graph: SceneGraph = builder.AddSystem(SceneGraph())  # type: ignore[assignment]
         scene_graph.AddRenderer(_ENGINE, MakeRenderEngineVtk(RenderEngineVtkParams()))
         source = scene_graph.RegisterSource("objects")
         self._X_WO = {}
@@ -80,7 +81,7 @@ class DepthRenderer:
         builder.ExportOutput(scene_graph.get_query_output_port(), "query")
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
-        self._query = self._diagram.GetOutputPort("query").Eval(self._context)
+        self._query: Any = self._diagram.GetOutputPort("query").Eval(self._context)
         self._world = scene_graph.world_frame_id()
 
     def render(self, object_id: int, X_CO: Array) -> DepthImage:

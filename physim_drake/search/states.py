@@ -127,7 +127,7 @@ class SceneRenderer:
 
 def _share(mask: NDArray[np.bool_], of: NDArray[np.bool_]) -> float:
     """The share of the pixels `of` that lie in `mask`; 0 if there are none."""
-    return float(np.count_nonzero(mask & of) / max(np.count_nonzero(of), 1))
+    return int(np.count_nonzero(mask & of)) / max(int(np.count_nonzero(of)), 1)
 
 
 def composite(parent: DepthImage, new: DepthImage) -> DepthImage:

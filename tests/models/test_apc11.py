@@ -6,9 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from physim_drake.models import APC11
-from physim_drake.models.apc11_objects import all_objects
-from physim_drake.models.make_apc11 import make_models
 from PIL import Image
 from pydrake.geometry import HalfSpace
 from pydrake.math import RigidTransform, RotationMatrix
@@ -22,6 +19,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.library_files import find_objects
+from physim_drake.models import APC11
+from physim_drake.models.apc11_objects import all_objects
+from physim_drake.models.make_apc11 import make_models
 from physim_drake.objects import ObjectLibrary, ObjectModel
 
 EXTENTS = {
