@@ -147,12 +147,27 @@ def _lcp(
     scores: Array,
 ) -> None:
     g = np.empty(3)
+    R = np.empty((3, 3))
+    nx, ny, nz = values.shape
+    # No distance changes by more than the way from a point to its nearest node.
+    far = delta + 0.87 / inverse_spacing
     for m in range(len(poses)):
+        X = poses[m]
+        R[:] = X[:3, :3] * inverse_spacing
+        ox, oy, oz = origin * inverse_spacing - 0.5
         hits = 0
         for n in range(len(points)):
-            d = _distance_in_frame(
-                values, origin, inverse_spacing, poses[m], points[n], g
-            )
+            dx = points[n, 0] - X[0, 3]
+            dy = points[n, 1] - X[1, 3]
+            dz = points[n, 2] - X[2, 3]
+            x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz - ox
+            y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz - oy
+            z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz - oz
+            if not (0 <= x < nx and 0 <= y < ny and 0 <= z < nz):
+                continue
+            if abs(values[int(x), int(y), int(z)]) > far:
+                continue
+            d = _distance_in_frame(values, origin, inverse_spacing, X, points[n], g)
             if abs(d) < delta:
                 length = math.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
                 cosine = (

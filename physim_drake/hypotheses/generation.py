@@ -35,9 +35,9 @@ class HypothesisConfig:
     clustering: ClusteringConfig = field(default_factory=ClusteringConfig)
     segment_points: int = 140
     lcp_delta: float = 0.006
-    polished: int = 1200
+    polished: int = 1000
     polish: TrimmedIcpConfig = field(
-        default_factory=lambda: TrimmedIcpConfig(keep=0.8, iterations=6)
+        default_factory=lambda: TrimmedIcpConfig(keep=0.8, iterations=6, tolerance=3e-4)
     )
 
 
@@ -101,15 +101,12 @@ def generate_hypotheses(
         return PoseHypotheses(
             model.object_id, X_SO, np.zeros(0), np.zeros(0, dtype=np.int64)
         )
-    lcp = lcp_scores(prepared.distance_field, X_SO, points, normals, config.lcp_delta)
+    distances = prepared.distance_field
+    lcp = lcp_scores(distances, X_SO, points[::2], normals[::2], config.lcp_delta)
     seen = visibility(prepared, X_SO, scene)
     best = np.argsort(-lcp * seen, kind="stable")[: config.polished]
-    X_SO[best], _ = trimmed_icp(
-        prepared.distance_field, X_SO[best], points, normals, config.polish
-    )
-    fine = lcp_scores(
-        prepared.distance_field, X_SO[best], points, normals, config.lcp_delta / 2
-    )
+    X_SO[best], _ = trimmed_icp(distances, X_SO[best], points, normals, config.polish)
+    fine = lcp_scores(distances, X_SO[best], points, normals, config.lcp_delta / 2)
     lcp[best] = fine
     weights = (fine * visibility(prepared, X_SO[best], scene)) ** 4 + 1e-9
     chosen = best[

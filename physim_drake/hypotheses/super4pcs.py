@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array, nearest_rotation
@@ -40,11 +40,11 @@ class Super4PcsConfig:
 
     hypotheses: int = 20_000
     sets_per_base: int = 250
-    max_pairs: int = 1000
+    max_pairs: int = 600
     delta: float = 0.005
     max_normal_angle: float = np.radians(30.0)
     max_set_angle: float = np.radians(10.0)
-    max_bases: int = 400
+    max_bases: int = 700
 
 
 class PairIndex:
@@ -70,13 +70,24 @@ class PairIndex:
             normals[self.second],
         )
 
-    def find(self, length: float, angles: Array, config: Super4PcsConfig) -> Indices:
-        """Indices of pairs of this length (m) with these three angles (rad)."""
+    def find(
+        self, length: float, angles: Array, config: Super4PcsConfig
+    ) -> tuple[Indices, Indices]:
+        """First and second points of the pairs of this length and these angles.
+
+        Args:
+            length: m.
+            angles: the three of `pair_angles`, rad.
+            config: tolerances, and how many pairs to return at most.
+        """
         low, high = np.searchsorted(
             self.lengths, (length - config.delta, length + config.delta)
         )
-        close = np.abs(self._angles[low:high] - angles).max(axis=1)
-        return np.asarray(low + np.flatnonzero(close < config.max_normal_angle))
+        found = low + _close_rows(
+            self._angles[low:high], angles, config.max_normal_angle
+        )
+        found = _thinned(found, config.max_pairs)
+        return self.first[found], self.second[found]
 
 
 @lru_cache(maxsize=256)
@@ -127,24 +138,27 @@ def super4pcs(
     Returns:
         X_SO, (M, 4, 4); empty where the segment has too few points or fits nowhere.
     """
-    found: list[Array] = []
-    total = 0
     if len(points) < 4:
         return np.zeros((0, 4, 4))
+    bases: list[_Base] = []
+    sets: list[Indices] = []
+    total = 0
     reach = float(index.lengths[-1])
     for _ in range(config.max_bases):
         base = _draw_base(points, normals, reach, generator, config)
         if base is None:
             continue
-        sets = _congruent_sets(index, base, generator, config)
-        if len(sets) == 0:
-            continue
-        poses = _fit_sets(index, base, sets, config)
-        found.append(poses)
-        total += len(poses)
-        if total >= config.hypotheses:
+        congruent = _congruent_sets(index, base, config)
+        if len(congruent):
+            bases.append(base)
+            sets.append(congruent)
+            total += len(congruent)
+        # A few fits are poor and go, so a few more sets than poses.
+        if total >= 1.2 * config.hypotheses:
             break
-    return np.concatenate(found)[: config.hypotheses] if found else np.zeros((0, 4, 4))
+    if not sets:
+        return np.zeros((0, 4, 4))
+    return _fit_sets(index, bases, sets, config)[: config.hypotheses]
 
 
 def _draw_base(
@@ -205,63 +219,124 @@ def _draw_base(
     )
 
 
-def _congruent_sets(
-    index: PairIndex,
-    base: _Base,
-    generator: np.random.Generator,
-    config: Super4PcsConfig,
-) -> Indices:
+def _congruent_sets(index: PairIndex, base: _Base, config: Super4PcsConfig) -> Indices:
     """Model points (M, 4) congruent to the base."""
-    ends = []
+    ends: list[Indices] = []
     for k in (0, 2):
         p, n = base.points[k : k + 2], base.normals[k : k + 2]
-        found = index.find(
-            float(np.linalg.norm(p[1] - p[0])),
-            pair_angles(p[0], n[0], p[1], n[1]),
-            config,
-        )
-        if len(found) > config.max_pairs:
-            found = np.sort(generator.choice(found, config.max_pairs, replace=False))
-        if len(found) == 0:
-            return np.zeros((0, 4), dtype=np.int64)
-        ends.append(np.stack([index.first[found], index.second[found]], axis=1))
-    crossings = [
-        index.points[e[:, 0]] + ratio * (index.points[e[:, 1]] - index.points[e[:, 0]])
-        for e, ratio in zip(ends, base.ratios, strict=True)
-    ]
-    matches = cKDTree(crossings[0]).sparse_distance_matrix(
-        cKDTree(crossings[1]), config.delta, output_type="coo_matrix"
+        length = float(np.linalg.norm(p[1] - p[0]))
+        ends += index.find(length, pair_angles(p[0], n[0], p[1], n[1]), config)
+    if len(ends[0]) == 0 or len(ends[2]) == 0:
+        return np.zeros((0, 4), dtype=np.int64)
+    crossings, lines = [], []
+    for k, ratio in zip((0, 2), base.ratios, strict=True):
+        start, line = index.points[ends[k]], index.points[ends[k + 1]]
+        line = line - start
+        crossings.append(start + ratio * line)
+        lines.append(line / np.linalg.norm(line, axis=1, keepdims=True))
+    # Swept along the longest axis of the crossings.
+    axis = int(np.ptp(crossings[0], axis=0).argmax())
+    crossings = [np.roll(c, -axis, axis=1) for c in crossings]
+    orders = [np.argsort(c[:, 0], kind="stable") for c in crossings]
+    rows, columns = _matches(
+        crossings[0][orders[0]],
+        crossings[1][orders[1]],
+        lines[0][orders[0]],
+        lines[1][orders[1]],
+        config.delta,
+        np.cos(base.angle + config.max_set_angle)
+        if base.angle + config.max_set_angle < np.pi
+        else -1.0,
+        np.cos(max(base.angle - config.max_set_angle, 0.0)),
     )
-    rows, columns = np.asarray(matches.row), np.asarray(matches.col)
-    order = np.lexsort((columns, rows))
-    sets = np.concatenate([ends[0][rows[order]], ends[1][columns[order]]], axis=1)
-    line = index.points[sets[:, 1]] - index.points[sets[:, 0]]
-    cross = index.points[sets[:, 3]] - index.points[sets[:, 2]]
-    cosines = np.einsum("ni,ni->n", line, cross) / (
-        np.linalg.norm(line, axis=1) * np.linalg.norm(cross, axis=1)
+    kept = _thinned(np.arange(len(rows)), config.sets_per_base)
+    first, second = orders[0][rows[kept]], orders[1][columns[kept]]
+    return np.stack(
+        [ends[0][first], ends[1][first], ends[2][second], ends[3][second]], axis=1
     )
-    angles = np.arccos(np.clip(cosines, -1, 1))
-    sets = sets[np.abs(angles - base.angle) < config.max_set_angle]
-    if len(sets) > config.sets_per_base:
-        keep = generator.choice(len(sets), config.sets_per_base, replace=False)
-        sets = sets[np.sort(keep)]
-    return np.asarray(sets)
+
+
+def _thinned(indices: Indices, count: int) -> Indices:
+    """At most `count` of the indices, evenly."""
+    if len(indices) <= count:
+        return indices
+    return indices[np.arange(count) * len(indices) // count]
+
+
+@njit(cache=True, nogil=True)
+def _close_rows(rows: Array, wanted: Array, tolerance: float) -> Indices:
+    """Indices of the rows (N, 3) whose every entry is near the wanted one."""
+    found = np.empty(len(rows), dtype=np.int64)
+    count = 0
+    for n in range(len(rows)):
+        if (
+            abs(rows[n, 0] - wanted[0]) < tolerance
+            and abs(rows[n, 1] - wanted[1]) < tolerance
+            and abs(rows[n, 2] - wanted[2]) < tolerance
+        ):
+            found[count] = n
+            count += 1
+    return found[:count]
+
+
+@njit(cache=True, nogil=True)
+def _matches(
+    A: Array,
+    B: Array,
+    lines_A: Array,
+    lines_B: Array,
+    delta: float,
+    cos_low: float,
+    cos_high: float,
+) -> tuple[Indices, Indices]:
+    """Pairs of points of A and B, both sorted by x, that meet at the right angle."""
+    rows = np.empty(1024, dtype=np.int64)
+    columns = np.empty(1024, dtype=np.int64)
+    count, begin = 0, 0
+    for i in range(len(A)):
+        while begin < len(B) and B[begin, 0] < A[i, 0] - delta:
+            begin += 1
+        j = begin
+        while j < len(B) and B[j, 0] <= A[i, 0] + delta:
+            dy, dz = B[j, 1] - A[i, 1], B[j, 2] - A[i, 2]
+            dx = B[j, 0] - A[i, 0]
+            if dx * dx + dy * dy + dz * dz < delta * delta:
+                cosine = (
+                    lines_A[i, 0] * lines_B[j, 0]
+                    + lines_A[i, 1] * lines_B[j, 1]
+                    + lines_A[i, 2] * lines_B[j, 2]
+                )
+                if cos_low <= cosine <= cos_high:
+                    if count == len(rows):
+                        rows = np.concatenate((rows, np.empty_like(rows)))
+                        columns = np.concatenate((columns, np.empty_like(columns)))
+                    rows[count], columns[count] = i, j
+                    count += 1
+            j += 1
+    return rows[:count], columns[:count]
 
 
 def _fit_sets(
-    index: PairIndex, base: _Base, sets: Indices, config: Super4PcsConfig
+    index: PairIndex,
+    bases: list[_Base],
+    sets: list[Indices],
+    config: Super4PcsConfig,
 ) -> Array:
     """Least-squares poses X_SO (M, 4, 4) from points and normals; poor fits go."""
-    model = index.points[sets]
-    centre_S, centres_O = base.points.mean(axis=0), model.mean(axis=1)
-    spread = np.linalg.norm(base.points - centre_S, axis=1).mean()
-    weight = 0.3 * spread**2
-    H = np.einsum("ki,nkj->nij", base.points - centre_S, model - centres_O[:, None])
-    H = H + weight * np.einsum("ki,nkj->nij", base.normals, index.normals[sets])
+    counts = [len(s) for s in sets]
+    points = np.repeat(np.stack([b.points for b in bases]), counts, axis=0)
+    normals = np.repeat(np.stack([b.normals for b in bases]), counts, axis=0)
+    chosen = np.concatenate(sets)
+    model = index.points[chosen]
+    centres_S, centres_O = points.mean(axis=1), model.mean(axis=1)
+    arms = points - centres_S[:, None]
+    weight = 0.3 * (arms**2).sum(axis=2).mean(axis=1)
+    H = np.swapaxes(arms, 1, 2) @ (model - centres_O[:, None])
+    H += weight[:, None, None] * (np.swapaxes(normals, 1, 2) @ index.normals[chosen])
     R = nearest_rotation(H)
-    poses = np.tile(np.eye(4), (len(sets), 1, 1))
+    poses = np.tile(np.eye(4), (len(chosen), 1, 1))
     poses[:, :3, :3] = R
-    poses[:, :3, 3] = centre_S - np.einsum("nij,nj->ni", R, centres_O)
-    residual = np.einsum("nij,nkj->nki", R, model) + poses[:, None, :3, 3] - base.points
+    poses[:, :3, 3] = centres_S - np.einsum("nij,nj->ni", R, centres_O)
+    residual = model @ np.swapaxes(R, 1, 2) + poses[:, None, :3, 3] - points
     rms = np.sqrt((residual**2).sum(axis=2).mean(axis=1))
     return np.asarray(poses[rms < 2 * config.delta])
