@@ -10,6 +10,7 @@ and the rest rigid.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -46,6 +47,11 @@ from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
 
 _PARKED = RigidTransform([0.0, 0.0, -50.0])
+
+# Drake remarks for every plant that the table's half space is none for soft bodies.
+logging.getLogger("drake").addFilter(
+    lambda record: "half spaces are not" not in record.getMessage()
+)
 
 
 @dataclass(frozen=True)
