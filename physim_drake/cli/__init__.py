@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from physim_drake import __version__
+from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
 from physim_drake.cli.models import models_app
 from physim_drake.errors import PhysimError
@@ -25,6 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command(cls=EstimateCommand)(estimate)
 app.command()(evaluate)
 app.add_typer(models_app, name="models")
 

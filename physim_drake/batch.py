@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT
+"""Estimating a dataset image by image: which detections, how long, what to keep."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from physim_drake.datasets.bop import BopDataset, ImageId, Target
+from physim_drake.datasets.detections import load_detections
+from physim_drake.datasets.results import ResultRow
+from physim_drake.errors import InputError
+from physim_drake.estimate import ObjectEstimate, SceneEstimate
+from physim_drake.estimation import PoseEstimator
+from physim_drake.files import write_atomically
+from physim_drake.observation import Detection, RgbdObservation
+
+DetectionLookup = Callable[[ImageId], Sequence[Detection]]
+"""Gives the detections of an image, none where it has none."""
+
+
+@dataclass(frozen=True)
+class ImageResult:
+    """What came of one image.
+
+    Attributes:
+        image: scene id and image id.
+        observation: the image.
+        estimate: the objects in it.
+        seconds: from opening its files to the last pose.
+    """
+
+    image: ImageId
+    observation: RgbdObservation
+    estimate: SceneEstimate
+    seconds: float
+
+    @property
+    def stem(self) -> str:
+        """Name of files about this image, without suffix."""
+        return f"{self.image[0]:06d}_{self.image[1]:06d}"
+
+    def rows(self) -> list[ResultRow]:
+        """The objects that were found, as rows of a results file."""
+        return [
+            ResultRow(*self.image, o.object_id, o.confidence, o.X_CO, self.seconds)
+            for o in self.estimate.objects
+            if o.X_CO is not None
+        ]
+
+    def trace_as_dict(self) -> dict[str, Any]:
+        """How the estimate came about, as plain lists and numbers."""
+        return {
+            "scene_id": self.image[0],
+            "im_id": self.image[1],
+            "method": self.estimate.method,
+            "seconds": self.seconds,
+            "stages": dict(self.estimate.stages),
+            "groups": [trace.as_dict() for trace in self.estimate.trace],
+            "objects": [_object_as_dict(o) for o in self.estimate.objects],
+        }
+
+    def write_trace(self, folder: Path) -> Path:
+        """Writes `trace_as_dict` as JSON into a folder; returns the file."""
+        path = folder / f"{self.stem}.json"
+        with write_atomically(path) as file:
+            json.dump(self.trace_as_dict(), file, indent=1, allow_nan=False)
+            file.write("\n")
+        return path
+
+
+def detection_lookup(
+    dataset: BopDataset, file: Path | None = None, masks: bool = False
+) -> tuple[DetectionLookup, str]:
+    """Where the detections of a dataset's images come from.
+
+    Args:
+        dataset: the images.
+        file: detections in BOP's JSON format; the dataset's own `detections.json`
+            where it is None.
+        masks: take the dataset's visible masks instead.
+
+    Returns:
+        the look-up, and what to call its source.
+
+    Raises:
+        InputError: where `file` and `masks` are given, or nothing is to be had.
+    """
+    if masks:
+        if file is not None:
+            raise InputError(file, "given together with --masks", "give one of the two")
+        return lambda image: dataset.masks(*image), "masks"
+    own = dataset.root / "detections.json"
+    if file is None and not own.exists():
+        raise InputError(
+            own,
+            "does not exist, so where the objects are in the images is not known",
+            "give --detections FILE (boxes in BOP's JSON format), or --masks to use "
+            "the dataset's mask_visib",
+        )
+    path = file or own
+    detections = load_detections(path, dataset)
+    return lambda image: detections.get(image, []), str(path.resolve())
+
+
+def choose_images(targets: Sequence[Target], names: Iterable[str]) -> list[ImageId]:
+    """The images of the targets, or those of them that are named SCENE/IMAGE.
+
+    Raises:
+        InputError: where a name is malformed or has no target.
+    """
+    known = list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))
+    chosen = []
+    for name in names:
+        scene, _, image = name.partition("/")
+        if not (_is_id(scene) and _is_id(image)):
+            raise InputError(
+                "--images", f"{name!r} is no image", "give SCENE/IMAGE, as in 1/0"
+            )
+        if (int(scene), int(image)) not in known:
+            some = ", ".join(f"{s}/{i}" for s, i in known[:5])
+            more = ", ..." if len(known) > 5 else ""
+            raise InputError(
+                "--images", f"{name} has no target", f"there are {some}{more}"
+            )
+        chosen.append((int(scene), int(image)))
+    return list(dict.fromkeys(chosen)) or known
+
+
+def match_detections(
+    targets: Iterable[Target], image: ImageId, found: Sequence[Detection], source: str
+) -> list[Detection]:
+    """The best-scored detections of each of an image's targets.
+
+    Args:
+        targets: of any images.
+        image: which image.
+        found: its detections.
+        source: what to call their source.
+
+    Raises:
+        InputError: where a target has no detection at all.
+    """
+    matched: list[Detection] = []
+    for target in targets:
+        if (target.scene_id, target.im_id) != image:
+            continue
+        same = [d for d in found if d.object_id == target.object_id]
+        if not same:
+            raise InputError(
+                source,
+                f"has no detection of object {target.object_id} in image "
+                f"{image[0]}/{image[1]}, which is a target",
+                "add one, or remove the target",
+            )
+        matched += sorted(same, key=lambda d: -d.score)[: target.count]
+    return matched
+
+
+def estimate_images(
+    dataset: BopDataset,
+    images: Iterable[ImageId],
+    detections: Callable[[ImageId], Sequence[Detection]],
+    estimator: PoseEstimator,
+    surface_height: float | None = None,
+) -> Iterator[ImageResult]:
+    """Estimates one image after the other.
+
+    Args:
+        dataset: where the images are.
+        images: which ones.
+        detections: gives the objects to find in an image (see `match_detections`).
+        estimator: does it.
+        surface_height: z of the support surface in the world, m; found if None.
+
+    Raises:
+        InputError: where an image cannot be used; those before it have been given.
+    """
+    for image in images:
+        start = time.monotonic()
+        observation = dataset.observation(*image)
+        chosen = detections(image)
+        try:
+            estimate = estimator.estimate(observation, chosen, surface_height)
+        except InputError as error:
+            if error.source == observation.name:
+                raise
+            raise InputError(
+                observation.name, f"{error.source}: {error.problem}", error.remedy
+            ) from error
+        yield ImageResult(image, observation, estimate, time.monotonic() - start)
+
+
+def _is_id(text: str) -> bool:
+    return text.isascii() and text.isdigit() and len(text) < 10
+
+
+def _object_as_dict(estimate: ObjectEstimate) -> dict[str, Any]:
+    return {
+        "object_id": estimate.object_id,
+        "name": estimate.name,
+        "confidence": estimate.confidence,
+        "reason": estimate.reason,
+        "X_CO": None if estimate.X_CO is None else estimate.X_CO.tolist(),
+    }

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: MIT
+"""`physim-drake estimate`: the poses of all objects in a dataset's images."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from typer.core import TyperCommand
+
+from physim_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from physim_drake.estimation import EstimationConfig
+
+MAX_DEFAULT_WORKERS = 4
+"""The search scores four placements at a time, so that more workers would idle."""
+
+MethodName = Literal["physim-mcts", "physim-heuristic", "super4pcs-icp", "pca-icp"]
+
+
+class EstimateCommand(TyperCommand):
+    """Lets `--images` take several names, as in ``--images 1/0 1/3``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeats `--images` before each further name, as the parser wants it."""
+        repeated: list[str] = []
+        for n, arg in enumerate(args):
+            follows = n > 1 and repeated[-2:-1] == ["--images"]
+            if follows and re.fullmatch(r"[0-9]+/[0-9]+", arg):
+                repeated.append("--images")
+            repeated.append(arg)
+        return super().parse_args(ctx, repeated)
+
+
+def estimate(
+    dataset: Annotated[
+        Path,
+        typer.Argument(
+            help="Dataset in BOP layout: DATASET/SPLIT/SCENE/{rgb,depth,"
+            "scene_camera.json}.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="RESULTS.csv",
+            help="Where the poses go, in BOP's results format; time = seconds of the "
+            "whole image.",
+            show_default=False,
+        ),
+    ],
+    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    models: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Object models; by default DATASET/models."),
+    ] = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Boxes, or masks, of the objects in BOP's JSON format; by default "
+            "DATASET/detections.json.",
+        ),
+    ] = None,
+    masks: Annotated[
+        bool, typer.Option("--masks", help="Use the dataset's mask_visib instead.")
+    ] = False,
+    targets: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Which objects to look for in which image; by default "
+            "DATASET/test_targets_bop19.json, else the ground truth's.",
+        ),
+    ] = None,
+    surface: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|Z_METRES",
+            help="Find the support surface in each image, or its height in the world.",
+        ),
+    ] = "auto",
+    method: Annotated[MethodName, typer.Option(help="How.")] = "physim-mcts",
+    expansions: Annotated[
+        int, typer.Option(min=1, help="Budget of the search, per group of objects.")
+    ] = 250,
+    hypotheses: Annotated[
+        int, typer.Option(min=1, help="Poses per object that the search chooses from.")
+    ] = 25,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Processes; by default one a core, up to "
+            f"{MAX_DEFAULT_WORKERS}. The poses do not depend on it.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    images: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SCENE/IMAGE ...", help="Only these images, as in 1/0 1/3."
+        ),
+    ] = None,
+    overlays: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Draw each estimate over its image, beside the depth residuals.",
+        ),
+    ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Write how the search went: best score by expansion and seconds.",
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on with what an earlier run wrote to --out."),
+    ] = False,
+) -> None:
+    """Estimate the 6D pose of every target object in a dataset's images.
+
+    The poses of an image are consistent with each other and with the surface that the
+    objects rest on. An object whose points are too few is reported as not found, never
+    placed at random; score is the confidence: the share of what is seen of the model
+    that the depth image confirms to 1 cm, times the share of its segment explained.
+
+    Results are written image by image: after an error or Ctrl-C those done are kept,
+    and `--resume` goes on from there.
+
+    Try, for example:
+
+    `physim-drake estimate datasets/lab --out lab.csv --overlays out/lab`
+
+    `physim-drake estimate datasets/lab --out lab.csv --masks --images 1/0 1/3`
+
+    `physim-drake evaluate lab.csv datasets/lab` then judges them.
+    """
+    from rich.console import Console
+
+    from physim_drake.batch import choose_images, detection_lookup
+    from physim_drake.cli.estimate_run import EstimateRun
+    from physim_drake.datasets.bop import BopDataset
+    from physim_drake.datasets.results_writer import ResultsWriter
+    from physim_drake.objects import ObjectLibrary
+
+    height = _surface_height(surface)
+    data = BopDataset(dataset, split, models)
+    wanted = data.targets(targets)
+    chosen = choose_images(wanted, images or ())
+    lookup, source = detection_lookup(data, detections, masks)
+    ids = {t.object_id for t in wanted if (t.scene_id, t.im_id) in set(chosen)}
+    library = ObjectLibrary.load(data.models, ids)
+    for folder in (overlays, trace):
+        if folder is not None:
+            _make_folder(folder)
+    settings = {
+        "dataset": str(dataset.resolve()),
+        "split": split,
+        "models": str(data.models.resolve()),
+        "detections": source,
+        "surface": "auto" if height is None else f"{height:g}",
+        "method": method,
+        "expansions": str(expansions),
+        "hypotheses": str(hypotheses),
+        "seed": str(seed),
+    }
+    with ResultsWriter(out, resume, settings) as writer:
+        EstimateRun(
+            data,
+            wanted,
+            lookup,
+            source,
+            library,
+            _config(method, expansions, hypotheses, workers, seed),
+            Console(stderr=True, highlight=False),
+        ).run(chosen, writer, height, overlays, trace)
+
+
+def _config(
+    method: str, expansions: int, hypotheses: int, workers: int | None, seed: int
+) -> EstimationConfig:
+    from dataclasses import replace
+
+    from physim_drake.estimation import EstimationConfig, Method
+
+    config = EstimationConfig()
+    steps = config.steps
+    clustering = replace(steps.hypotheses.clustering, representatives=hypotheses)
+    return replace(
+        config,
+        method=Method(method),
+        seed=seed,
+        workers=workers or default_workers(),
+        search=replace(config.search, expansions=expansions),
+        steps=replace(
+            steps, hypotheses=replace(steps.hypotheses, clustering=clustering)
+        ),
+    )
+
+
+def default_workers() -> int:
+    """One worker for each core this process may use, within reason."""
+    return min(len(os.sched_getaffinity(0)), MAX_DEFAULT_WORKERS)
+
+
+def _surface_height(text: str) -> float | None:
+    if text == "auto":
+        return None
+    try:
+        height = float(text)
+    except ValueError:
+        height = math.nan
+    if not math.isfinite(height):
+        raise InputError(
+            "--surface", f"is {text!r}", "give auto, or the height in metres"
+        )
+    return height
+
+
+def _make_folder(folder: Path) -> None:
+    from physim_drake.files import cannot_write
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error) from error

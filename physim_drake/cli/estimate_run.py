@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: MIT
+"""How `physim-drake estimate` goes through the images and tells about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from physim_drake.batch import (
+    DetectionLookup,
+    ImageResult,
+    estimate_images,
+    match_detections,
+)
+from physim_drake.datasets.bop import BopDataset, ImageId, Target
+from physim_drake.datasets.results_writer import ResultsWriter
+from physim_drake.estimation import EstimationConfig, PoseEstimator
+from physim_drake.objects import ObjectLibrary
+from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.rendering.overlay import draw_overlay, write_png
+
+
+class EstimateRun:
+    """One call of the command: estimates, writes and tells how it goes."""
+
+    def __init__(
+        self,
+        data: BopDataset,
+        targets: Sequence[Target],
+        lookup: DetectionLookup,
+        source: str,
+        library: ObjectLibrary,
+        config: EstimationConfig,
+        console: Console,
+    ) -> None:
+        self._data, self._targets = data, targets
+        self._lookup, self._source = lookup, source
+        self._library, self._config, self._console = library, config, console
+
+    def run(
+        self,
+        images: Sequence[ImageId],
+        writer: ResultsWriter,
+        surface_height: float | None,
+        overlays: Path | None,
+        trace: Path | None,
+    ) -> None:
+        """Estimates those images that `writer` has not got yet."""
+        todo = [image for image in images if image not in writer.done]
+        finished: list[ImageResult] = []
+        draw = _Drawer(self._library)
+        with (
+            _progress(self._console, len(images), len(images) - len(todo)) as step,
+            self._said_when_interrupted(writer),
+            PoseEstimator(self._library, self._config) as estimator,
+        ):
+            for result in estimate_images(
+                self._data,
+                todo,
+                lambda image: match_detections(
+                    self._targets, image, self._lookup(image), self._source
+                ),
+                estimator,
+                surface_height,
+            ):
+                if overlays is not None:
+                    draw(result, overlays)
+                if trace is not None:
+                    result.write_trace(trace)
+                # Last, so that --resume makes up for pictures that were cut off.
+                writer.write_image(*result.image, result.rows(), result.seconds)
+                finished.append(result)
+                self._tell(result)
+                step()
+        self._summarise(finished, len(images), writer.path)
+
+    def _tell(self, result: ImageResult) -> None:
+        """A table of the image on a terminal; elsewhere only what is not found."""
+        if self._console.is_terminal:
+            self._console.print(_table(result))
+        for item in result.estimate.objects:
+            if not item.found:
+                self._console.print(
+                    f"{_name(result.image)} {item.name}: not found: {item.reason}",
+                    markup=False,
+                    soft_wrap=True,
+                )
+        for target in self._targets:
+            given = [
+                o for o in result.estimate.objects if o.object_id == target.object_id
+            ]
+            of_image = (target.scene_id, target.im_id) == result.image
+            if of_image and len(given) < target.count:
+                self._console.print(
+                    f"{_name(result.image)} {given[0].name}: {target.count} are "
+                    f"targets, {len(given)} detected",
+                    markup=False,
+                    soft_wrap=True,
+                )
+
+    def _summarise(
+        self, finished: Sequence[ImageResult], total: int, path: Path
+    ) -> None:
+        if not finished:
+            self._console.print(f"all {total} images were done: {path}", markup=False)
+            return
+        objects = [o for result in finished for o in result.estimate.objects]
+        found = sum(o.found for o in objects)
+        seconds = sum(result.seconds for result in finished) / len(finished)
+        self._console.print(
+            f"{len(finished)} images, {found} of {len(objects)} objects found, "
+            f"{seconds:.1f} s an image: {path}",
+            markup=False,
+            soft_wrap=True,
+        )
+
+    @contextmanager
+    def _said_when_interrupted(self, writer: ResultsWriter) -> Iterator[None]:
+        try:
+            yield
+        except KeyboardInterrupt:
+            self._console.print(
+                f"interrupted: {len(writer.done)} images are in {writer.path}; "
+                "--resume goes on",
+                markup=False,
+                soft_wrap=True,
+            )
+            raise
+
+
+class _Drawer:
+    """Writes overlays; keeps one renderer a camera at hand."""
+
+    def __init__(self, library: ObjectLibrary) -> None:
+        self._library = library
+        self._renderer: DepthRenderer | None = None
+
+    def __call__(self, result: ImageResult, folder: Path) -> None:
+        camera = result.observation.intrinsics
+        if self._renderer is None or self._renderer.intrinsics != camera:
+            self._renderer = DepthRenderer(self._library, camera)
+        picture = draw_overlay(
+            result.observation, result.estimate, self._library, self._renderer
+        )
+        write_png(folder / f"{result.stem}.png", picture)
+
+
+@contextmanager
+def _progress(console: Console, total: int, done: int) -> Iterator[Callable[[], None]]:
+    """A bar with images done, rate and remaining time; gives what advances it."""
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("images"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(
+            "loading (compiles at first use)", total=total, completed=done
+        )
+
+        def step() -> None:
+            bar.advance(task)
+            speed = bar.tasks[0].finished_speed or bar.tasks[0].speed
+            pace = f"{1 / speed:.1f} s an image" if speed else "estimating"
+            bar.update(task, description=pace)
+
+        yield step
+
+
+def _table(result: ImageResult) -> Table:
+    title = f"{_name(result.image)}: {result.seconds:.1f} s"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("object", overflow="fold")
+    table.add_column("found")
+    table.add_column("confidence", justify="right")
+    for item in result.estimate.objects:
+        found = "yes" if item.found else "no"
+        confidence = f"{item.confidence:.2f}" if item.found else "-"
+        table.add_row(item.name, found, confidence)
+    return table
+
+
+def _name(image: ImageId) -> str:
+    return f"{image[0]}/{image[1]}"

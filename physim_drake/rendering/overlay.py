@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: MIT
+"""Pictures that show at a glance whether an estimate is right.
+
+On the left the colour image with each estimated model tinted, outlined and named; on
+the right how far each model's surface lies from the measured one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+from physim_drake.camera import DepthImage
+from physim_drake.estimate import ObjectEstimate, SceneEstimate
+from physim_drake.files import write_atomically
+from physim_drake.objects import ObjectModel
+from physim_drake.observation import RgbdObservation
+from physim_drake.rendering.depth import DepthRenderer
+
+Image = NDArray[np.uint8]
+
+RESIDUAL_RANGE = 0.02
+"""The colour scale of the depth residuals ends at plus and minus this, m."""
+
+_COLORS = (matplotlib.colormaps["tab10"](np.arange(10))[:, :3] * 255).astype(int)
+_TINT = 0.4
+_DIM = 0.35
+_UNMEASURED = (40, 40, 40)
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True)
+class SceneLabels:
+    """What the estimated objects look like from the camera.
+
+    Attributes:
+        depth: (height, width) float32, m, 0 where no object is.
+        labels: (height, width) index into the estimate's objects, -1 where none is.
+    """
+
+    depth: DepthImage
+    labels: NDArray[np.int16]
+
+
+def draw_overlay(
+    observation: RgbdObservation,
+    estimate: SceneEstimate,
+    library: Mapping[int, ObjectModel],
+    renderer: DepthRenderer | None = None,
+) -> Image:
+    """Draws an estimate over its image, beside a map of the depth residuals.
+
+    The residual is rendered minus measured depth: blue where the model is nearer to
+    the camera than what was measured, red where it is farther, white where they agree,
+    dark grey where nothing was measured.
+
+    Args:
+        observation: the image; drawn from depth where it has no colour.
+        estimate: the objects in it.
+        library: their models.
+        renderer: of these models and this camera, where there is one already.
+
+    Returns:
+        (height, 2 width, 3) uint8 RGB.
+    """
+    if renderer is None:
+        shown = {o.object_id: library[o.object_id] for o in estimate.objects if o.found}
+        renderer = DepthRenderer(shown, observation.intrinsics)
+    scene = render_labels(estimate.objects, renderer)
+    background = _background(observation)
+    left = _tinted(background, estimate.objects, scene)
+    right = _residuals(background, observation.depth, scene)
+    return np.ascontiguousarray(np.hstack([left, right]))
+
+
+def render_labels(
+    objects: Sequence[ObjectEstimate], renderer: DepthRenderer
+) -> SceneLabels:
+    """Renders the found objects together, the nearest winning in each pixel."""
+    shape = (renderer.intrinsics.height, renderer.intrinsics.width)
+    depth = np.zeros(shape, dtype=np.float32)
+    labels = np.full(shape, -1, dtype=np.int16)
+    for index, item in enumerate(objects):
+        if item.X_CO is None:
+            continue
+        image = renderer.render(item.object_id, item.X_CO)
+        nearer = (image > 0) & ((depth == 0) | (image < depth))
+        depth = np.where(nearer, image, depth)
+        labels[nearer] = index
+    return SceneLabels(depth, labels)
+
+
+def _background(observation: RgbdObservation) -> Image:
+    """The colour image, or the depth as grey: near is bright."""
+    if observation.color is not None:
+        return observation.color
+    depth = observation.depth
+    near, far = np.percentile(depth[depth > 0], [1, 99])
+    grey = 230 - 180 * np.clip((depth - near) / max(far - near, 1e-3), 0, 1)
+    grey[depth == 0] = 0
+    return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+
+
+def _tinted(
+    background: Image, objects: Sequence[ObjectEstimate], scene: SceneLabels
+) -> Image:
+    image = background.astype(float)
+    for index in range(len(objects)):
+        mask = scene.labels == index
+        image[mask] = (1 - _TINT) * image[mask] + _TINT * _COLORS[index % 10]
+    canvas = np.ascontiguousarray(image.astype(np.uint8))
+    for index in range(len(objects)):
+        mask = (scene.labels == index).astype(np.uint8)
+        edges, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(canvas, edges, -1, _color(index), 2, cv2.LINE_AA)
+    taken: list[tuple[int, int]] = []
+    for index, item in enumerate(objects):
+        rows, columns = np.nonzero(scene.labels == index)
+        text = f"{item.name} {item.confidence:.2f}"
+        if item.found and len(rows):
+            _label(canvas, text, int(columns.mean()), int(rows.min()), index, taken)
+    return canvas
+
+
+def _label(
+    canvas: Image,
+    text: str,
+    column: int,
+    row: int,
+    index: int,
+    taken: list[tuple[int, int]],
+) -> None:
+    """Writes a name above an object, moved down past the names written before."""
+    scale = canvas.shape[1] / 1280
+    (width, height), below = cv2.getTextSize(text, _FONT, scale, 1)
+    step = height + below + 4
+    left = int(np.clip(column - width // 2, 2, max(canvas.shape[1] - width - 2, 2)))
+    bottom = max(row - 4, step)
+    while any(abs(bottom - b) < step for b, _ in taken):
+        bottom += step
+    bottom = min(bottom, canvas.shape[0] - 4)
+    taken.append((bottom, left))
+    corner = (left - 2, bottom - height - 3)
+    cv2.rectangle(canvas, corner, (left + width + 2, bottom + below), (0, 0, 0), -1)
+    light = tuple(int(128 + c / 2) for c in _color(index))
+    cv2.putText(canvas, text, (left, bottom), _FONT, scale, light, 1, cv2.LINE_AA)
+
+
+def _residuals(background: Image, measured: DepthImage, scene: SceneLabels) -> Image:
+    grey = background.mean(axis=2, keepdims=True) * _DIM
+    image = np.repeat(grey, 3, axis=2).astype(np.uint8)
+    drawn = scene.labels >= 0
+    image[drawn] = _UNMEASURED
+    both = drawn & (measured > 0)
+    error = scene.depth[both] - measured[both]
+    image[both] = _diverging(error)
+    share = float(np.mean(np.abs(error) < 0.01)) if both.any() else 0.0
+    _legend(image, f"rendered - measured; {share:.0%} within 1 cm")
+    return image
+
+
+def _diverging(error: NDArray[np.floating]) -> Image:
+    """Colours (N, 3) of residuals (N,) in metres."""
+    share = np.clip(error / RESIDUAL_RANGE, -1, 1) / 2 + 0.5
+    rgb = matplotlib.colormaps["RdBu_r"](share)[..., :3]
+    return np.asarray(rgb * 255, dtype=np.uint8)
+
+
+def _legend(image: Image, title: str) -> None:
+    """Draws the colour scale along the bottom."""
+    height, width = image.shape[:2]
+    scale = width / 1280
+    (_, line), _ = cv2.getTextSize("0", _FONT, scale, 1)
+    bar = max(line, 6)
+    left, right = int(0.25 * width), int(0.75 * width)
+    top = height - bar - line - 12
+    ramp = np.linspace(-RESIDUAL_RANGE, RESIDUAL_RANGE, right - left)
+    image[top : top + bar, left:right] = _diverging(ramp)[None]
+    centimetres = f"{RESIDUAL_RANGE * 100:g} cm"
+    for text, column in (
+        (f"-{centimetres}", left),
+        ("0", (left + right) // 2),
+        (f"+{centimetres}", right),
+    ):
+        _centred(image, text, column, height - 6, scale)
+    _centred(image, title, (left + right) // 2, top - 6, scale)
+
+
+def _centred(image: Image, text: str, column: int, bottom: int, scale: float) -> None:
+    (width, _), _ = cv2.getTextSize(text, _FONT, scale, 1)
+    place = (column - width // 2, bottom)
+    cv2.putText(image, text, place, _FONT, scale, (255, 255, 255), 1, cv2.LINE_AA)
+
+
+def _color(index: int) -> tuple[int, int, int]:
+    red, green, blue = (int(c) for c in _COLORS[index % 10])
+    return red, green, blue
+
+
+def write_png(path: Path, image: Image) -> None:
+    """Writes an RGB image; raises `InputError` where `path` cannot be written."""
+    _, data = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))
+    with write_atomically(path, "wb") as file:
+        file.write(data.tobytes())
