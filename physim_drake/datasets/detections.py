@@ -24,15 +24,19 @@ class Detections(Mapping[ImageId, list[Detection]]):
 
     All are checked when they are loaded; masks are kept run-length encoded and
     decoded with each look-up, because those of a whole dataset would not fit in
-    memory.
+    memory. An image that cannot be read is an error only when it is looked up, so
+    that it does not stand in the way of the others.
     """
 
-    def __init__(self, entries: dict[ImageId, list[_Entry]]) -> None:
+    def __init__(self, entries: dict[ImageId, list[_Entry] | InputError]) -> None:
         self._entries = entries
 
     def __getitem__(self, image: ImageId) -> list[Detection]:
         """The detections of an image; raises `KeyError` where it has none."""
-        return [entry.detection() for entry in self._entries[image]]
+        entries = self._entries[image]
+        if isinstance(entries, InputError):
+            raise entries
+        return [entry.detection() for entry in entries]
 
     def __iter__(self) -> Iterator[ImageId]:
         return iter(self._entries)
@@ -50,18 +54,25 @@ def load_detections(path: Path, dataset: BopDataset) -> Detections:
 
     Raises:
         InputError: where the file or an entry cannot be used, or no entry belongs to
-            an image of the dataset.
+            an image of the dataset; with a look-up, where its image cannot be read.
     """
-    entries: dict[ImageId, list[_Entry]] = {}
+    entries: dict[ImageId, list[_Entry] | InputError] = {}
     sizes: dict[ImageId, tuple[int, int]] = {}
     for node in read_json(path).elements():
         image = (node["scene_id"].integer(), node["image_id"].integer())
         if not dataset.has_image(*image):
             continue
-        if image not in sizes:
-            camera = dataset.intrinsics(*image)
+        if image not in entries:
+            try:
+                camera = dataset.intrinsics(*image)
+            except InputError as error:
+                entries[image] = error
+                continue
+            entries[image] = []
             sizes[image] = (camera.width, camera.height)
-        entries.setdefault(image, []).append(_read_entry(node, *sizes[image]))
+        of_image = entries[image]
+        if not isinstance(of_image, InputError):
+            of_image.append(_read_entry(node, *sizes[image]))
     if not entries:
         raise InputError(
             path,

@@ -81,6 +81,15 @@ def test_any_string_is_a_mask_or_an_input_error(text: str) -> None:
         assert decode_runs(runs, 6, 4).shape == (4, 6)
 
 
+def test_a_missing_image_is_an_error_when_its_turn_comes(dataset: BopDataset) -> None:
+    path = dataset.root / "test" / "000003" / "depth" / "000007.png"
+    path.unlink()
+    detections = load(dataset, detection(), detection(image_id=7), detection())
+    assert len(detections[3, 0]) == 2
+    with pytest.raises(InputError, match="000007.png: cannot be read"):
+        detections[3, 7]
+
+
 def test_detections_of_other_images_are_skipped(dataset: BopDataset) -> None:
     other = detection(scene_id=4, segmentation={"size": [1, 1], "counts": [1]})
     assert list(load(dataset, other, detection())) == [(3, 0)]
