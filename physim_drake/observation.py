@@ -73,6 +73,10 @@ class RgbdObservation:
                 "register colour to depth at the same size",
                 "color",
             )
+        if self.X_WC is not None and self.X_WC.shape != (4, 4):
+            raise InputError(
+                self.name, f"has shape {self.X_WC.shape}", "give a 4 x 4 pose", "X_WC"
+            )
         if self.X_WC is not None and not (
             np.isfinite(self.X_WC).all() and is_rotation(self.X_WC[:3, :3])
         ):
