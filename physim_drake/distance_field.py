@@ -26,6 +26,9 @@ _MAX_CELLS = 400_000
 _MIN_SPACING = 0.0025
 _MARGIN = 0.03
 _SAMPLES_PER_CELL_AREA = 2.5
+_SAMPLES_PER_FACE = 4  # so that each face of a fine mesh is found by its samples
+_MAX_FACE_SAMPLES = 200_000
+_EXACT_BAND = 3.5  # cells; the corners of any cell within two cells are in it
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,8 @@ class DistanceField:
 def build_distance_field(mesh: trimesh.Trimesh) -> DistanceField:
     """Tabulates the signed distance to `mesh` (metres) with a margin of 30 mm.
 
-    Distances are exact (to triangles) within two cells of the surface and to a dense
-    sample of it beyond. The inside is what a flood from outside cannot reach, so
+    Distances are exact (to triangles) within two cells of the surface, and too large by
+    up to a cell beyond. The inside is what a flood from outside cannot reach, so
     cracks narrower than a cell do no harm.
     """
     low, high = mesh.bounds
@@ -69,9 +72,10 @@ def build_distance_field(mesh: trimesh.Trimesh) -> DistanceField:
     shape = np.ceil(size / spacing).astype(int) + 1
     origin = low - _MARGIN
     count = int(_SAMPLES_PER_CELL_AREA * mesh.area / spacing**2) + 1000
+    count += min(_SAMPLES_PER_FACE * len(mesh.faces), _MAX_FACE_SAMPLES)
     samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)
     unsigned = _sample_distances(samples, origin, spacing, shape).ravel()
-    near = unsigned < 2.5 * spacing
+    near = unsigned < _EXACT_BAND * spacing
     index = np.stack(np.unravel_index(np.flatnonzero(near), shape), axis=1)
     nodes = origin + spacing * index
     nearest = cKDTree(samples).query(nodes, k=6)[1]
