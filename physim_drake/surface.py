@@ -3,7 +3,7 @@
 
 The calibrated vertical may be degrees off; the plane in the cloud is not (in the
 original authors' scene the two differ by 3.6 degrees). It is found by RANSAC among
-planes that have the objects on their upper side and nothing below.
+planes that have the objects not far above them and nothing below.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ _VOXEL = 0.01
 _MAX_RANGE = 3.0
 _MAX_TILT = np.radians(30.0)
 _MAX_BELOW = 0.1  # of the detections' points
+_OBJECT_HEIGHT = 0.3  # m; planes that the objects are farther above count for less
 _MIN_SUPPORT = 50
 
 
@@ -159,12 +160,15 @@ def _ransac(
         normals, offsets = normals[upright], offsets[upright]
     band = 3 * depth_noise(points[:, 2])[:, None]
     support = (np.abs(points @ normals.T + offsets) < band).sum(axis=0)
-    below = np.zeros(len(normals))
+    score = support.astype(float)
     if len(objects):
         band = 10 * depth_noise(objects[:, 2])[:, None]
-        below = (objects @ normals.T + offsets < -band).mean(axis=0)
-    score = support * (below < _MAX_BELOW)
-    if len(normals) == 0 or score.max() < _MIN_SUPPORT:
+        heights = objects @ normals.T + offsets
+        score *= (heights < -band).mean(axis=0) < _MAX_BELOW
+        # A wall or the floor may have nothing below it either, but is far away.
+        score /= 1 + np.square(np.median(heights, axis=0) / _OBJECT_HEIGHT)
+    score *= support >= _MIN_SUPPORT
+    if len(normals) == 0 or score.max() == 0:
         raise InputError(
             "support surface",
             "no plane found under the objects",
