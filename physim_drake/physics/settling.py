@@ -68,7 +68,8 @@ class SettleConfig:
             has left the scene, m.
         gravity: m/s^2.
         hydroelastic_modulus: of the free object, Pa.
-        dissipation: Hunt-Crossley, s/m.
+        dissipation: Hunt-Crossley, s/m; bodies part no faster than its inverse, so
+            overlap is not thrown apart (the SAP approximation would ignore it).
         damping_time: the free object's motion dies away with this time constant, s
             (the original system damps as heavily). It turns settling into creeping
             to rest: penetration is pushed out without a jump, and nothing rolls off.
@@ -80,7 +81,7 @@ class SettleConfig:
     rest_steps: int = 3
     lost_distance: float = 0.3
     gravity: float = 9.81
-    hydroelastic_modulus: float = 1e7
+    hydroelastic_modulus: float = 1e6
     dissipation: float = 50.0
     damping_time: float = 0.03
 
@@ -122,7 +123,7 @@ class Settler:
         self._plant, _ = AddMultibodyPlant(
             MultibodyPlantConfig(
                 time_step=config.time_step,
-                discrete_contact_approximation="sap",
+                discrete_contact_approximation="similar",
                 contact_model="hydroelastic",
                 use_sampled_output_ports=False,
             ),
