@@ -29,7 +29,7 @@ class SearchConfig:
     """Budget and constants of the tree search.
 
     Attributes:
-        expansions: at most this many expansions a group.
+        expansions: no round begins after this many expansions of a group.
         time_limit: seconds a group; none by default, since it ends reproducibility.
         exploration: the UCB constant alpha, in pixels.
         rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
