@@ -141,10 +141,14 @@ class WorkerPool:
         if self._local:
             with threadpool_limits(1):
                 self._local.set_scene(scene)
-        for link in self._links:
-            link.send(("set_scene", (scene,)))
-        for link in self._links:
-            _receive(link)
+            return
+        for link in self._open_links():
+            self._send(link, "set_scene", (scene,))
+        # All replies are fetched before any of them may raise: one left behind would
+        # be taken for the reply to the next call.
+        replies = [self._receive(link) for link in self._links]
+        for reply in replies:
+            _unwrap(reply)
 
     def map(self, method: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Calls a `Worker`'s method once with each tuple of arguments.
@@ -158,17 +162,47 @@ class WorkerPool:
         if self._local:
             with threadpool_limits(1):
                 return [getattr(self._local, method)(*args) for args in arguments]
-        results: list[Any] = [None] * len(arguments)
+        links = self._open_links()
+        replies: list[tuple[str, Any] | None] = [None] * len(arguments)
         todo = iter(enumerate(arguments))
         busy: dict[Connection, int] = {}
-        for link in self._links:
-            _send_next(link, method, todo, busy)
+        for link, (index, args) in zip(links, todo, strict=False):
+            self._send(link, method, args)
+            busy[link] = index
+        failed = False
         while busy:
             ready: list[Any] = wait(list(busy))
             for link in ready:
-                results[busy.pop(link)] = _receive(link)
-                _send_next(link, method, todo, busy)
-        return results
+                reply = replies[busy.pop(link)] = self._receive(link)
+                failed = failed or reply[0] != "result"
+                following = None if failed else next(todo, None)
+                if following is not None:
+                    self._send(link, method, following[1])
+                    busy[link] = following[0]
+        return [_unwrap(reply) for reply in replies if reply is not None]
+
+    def _open_links(self) -> list[Connection]:
+        if not self._links:
+            raise PhysimError("the worker processes have ended; make a new pool")
+        return self._links
+
+    def _send(self, link: Connection, method: str, args: tuple[Any, ...]) -> None:
+        try:
+            link.send((method, args))
+        except OSError as error:
+            raise self._died() from error
+
+    def _receive(self, link: Connection) -> tuple[str, Any]:
+        try:
+            reply: tuple[str, Any] = link.recv()
+        except (EOFError, OSError) as error:
+            raise self._died() from error
+        return reply
+
+    def _died(self) -> PhysimError:
+        """Ends the others too: replies of theirs may be on their way."""
+        self.close()
+        return PhysimError("a worker process died; see above for why")
 
     def close(self) -> None:
         """Ends the worker processes."""
@@ -193,20 +227,9 @@ class WorkerPool:
         self.close()
 
 
-def _send_next(
-    link: Connection, method: str, todo: Any, busy: dict[Connection, int]
-) -> None:
-    for index, args in todo:
-        link.send((method, args))
-        busy[link] = index
-        return
-
-
-def _receive(link: Connection) -> Any:
-    try:
-        kind, value = link.recv()
-    except (EOFError, ConnectionError) as error:
-        raise PhysimError("a worker process died; see above for why") from error
+def _unwrap(reply: tuple[str, Any]) -> Any:
+    """The result in a reply; raises the error in one."""
+    kind, value = reply
     if kind == "error":
         raise value
     if kind == "crash":
@@ -225,10 +248,14 @@ def _serve(link: Connection, library: ObjectLibrary, config: WorkerConfig) -> No
             except (EOFError, KeyboardInterrupt):
                 return
             try:
-                link.send(("result", getattr(worker, method)(*args)))
+                reply = ("result", getattr(worker, method)(*args))
             except PhysimError as error:
-                link.send(("error", error))
+                reply = ("error", error)
             except KeyboardInterrupt:
                 return
             except Exception:
-                link.send(("crash", traceback.format_exc()))
+                reply = ("crash", traceback.format_exc())
+            try:
+                link.send(reply)
+            except OSError:  # the pool was closed meanwhile
+                return
