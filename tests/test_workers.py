@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physim_drake.errors import InputError, PhysimError
+from physim_drake.hypotheses.generation import HypothesisConfig
+from physim_drake.hypotheses.super4pcs import Super4PcsConfig
+from physim_drake.objects import ObjectLibrary
+from physim_drake.observation import Detection
+from physim_drake.scene import Scene
+from physim_drake.search.expansion import Rollout
+from physim_drake.workers import WorkerConfig, WorkerPool
+from tests.synthetic import (
+    ERASER,
+    SOAP,
+    SyntheticScene,
+    library,
+    perturbed,
+    stack,
+    synthesize,
+)
+
+CONFIG = WorkerConfig(
+    hypotheses=HypothesisConfig(
+        super4pcs=Super4PcsConfig(hypotheses=1000), polished=100
+    )
+)
+
+
+@cache
+def made() -> SyntheticScene:
+    return synthesize(stack())
+
+
+def small_library() -> ObjectLibrary:
+    return ObjectLibrary([library()[k] for k in (ERASER, SOAP)], "small")
+
+
+def scene_of(object_id: int) -> Scene:
+    """The scene, its first segment said to be of another object."""
+    first, second = made().detections
+    detections = (Detection(object_id, first.box), second)
+    return replace(made(), detections=detections).scene()
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[WorkerPool]:
+    with WorkerPool(small_library(), CONFIG, 1) as pool:
+        pool.set_scene(made().scene())
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def two() -> Iterator[WorkerPool]:
+    with WorkerPool(small_library(), CONFIG, 2) as pool:
+        pool.set_scene(made().scene())
+        yield pool
+
+
+def rollouts(count: int) -> list[tuple[Rollout]]:
+    return [
+        (
+            Rollout(
+                ((0, made().X_SO[0]),),
+                ((1, perturbed(made().X_SO[1], 0.004 * n, 0.03 * n, n)),),
+            ),
+        )
+        for n in range(count)
+    ]
+
+
+def run_all(pool: WorkerPool, count: int = 7) -> list[tuple[bytes, int]]:
+    results = pool.map("rollout", rollouts(count))
+    return [(result.poses[0].tobytes(), result.score) for result in results]
+
+
+def test_two_workers_give_the_results_of_one_in_order(
+    local: WorkerPool, two: WorkerPool
+) -> None:
+    expected = run_all(local)
+    assert run_all(two) == expected
+    assert len(set(expected)) > 1
+    assert run_all(two) == expected
+
+
+def test_hypotheses_are_the_same_in_any_worker(
+    local: WorkerPool, two: WorkerPool
+) -> None:
+    arguments: list[tuple[Any, ...]] = [(k, {}, (5, 0, k)) for k in (1, 0, 1)]
+    one = local.map("hypotheses", arguments)
+    other = two.map("hypotheses", arguments)
+    for a, b in zip(one, other, strict=True):
+        assert a.X_SO.tobytes() == b.X_SO.tobytes()
+        assert a.representatives.tolist() == b.representatives.tolist()
+    assert [h.object_id for h in other] == [SOAP, ERASER, SOAP]
+
+
+def test_refinement_is_the_same_in_any_worker(
+    local: WorkerPool, two: WorkerPool
+) -> None:
+    states = [
+        ({k: perturbed(X, 0.003, 0.03, 3 * n + k) for k, X in enumerate(made().X_SO)},)
+        for n in range(3)
+    ]
+    for (a, cost_a), (b, cost_b) in zip(
+        local.map("refine", states), two.map("refine", states), strict=True
+    ):
+        assert cost_a == cost_b
+        assert all(a[k].tobytes() == b[k].tobytes() for k in a)
+
+
+@pytest.mark.parametrize("workers", ["local", "two"])
+def test_nothing_to_do_gives_nothing(
+    workers: str, request: pytest.FixtureRequest
+) -> None:
+    assert request.getfixturevalue(workers).map("rollout", []) == []
+
+
+@pytest.mark.parametrize("workers", ["local", "two"])
+def test_a_user_s_error_arrives_and_the_pool_goes_on(
+    workers: str, request: pytest.FixtureRequest
+) -> None:
+    pool: WorkerPool = request.getfixturevalue(workers)
+    before = run_all(pool, 3)
+    with pytest.raises(InputError, match="small: has no object with id 99") as caught:
+        pool.set_scene(scene_of(99))
+    assert caught.value.problem == "has no object with id 99"
+    assert "it has 2, 9" in caught.value.remedy
+    # The next image is estimated as if nothing had happened.
+    pool.set_scene(made().scene())
+    assert run_all(pool, 3) == before
+
+
+def test_a_defect_in_one_call_does_not_mix_up_the_next(two: WorkerPool) -> None:
+    before = run_all(two, 4)
+    broken: list[tuple[Any, ...]] = [("no rollout",), *rollouts(5)]
+    with pytest.raises(RuntimeError, match="AttributeError"):
+        two.map("rollout", broken)
+    assert run_all(two, 4) == before
+
+
+def test_a_dead_worker_is_said_and_does_not_hang() -> None:
+    with WorkerPool(small_library(), CONFIG, 2) as pool:
+        pool.set_scene(made().scene())
+        victim = pool._processes[1]
+        victim.kill()
+        victim.join()
+        with pytest.raises(PhysimError, match="worker"):
+            pool.map("rollout", rollouts(4))
+        with pytest.raises(PhysimError, match="worker"):
+            pool.set_scene(made().scene())
+    assert not any(process.is_alive() for process in [victim])
+
+
+def test_close_ends_the_processes() -> None:
+    pool = WorkerPool(small_library(), CONFIG, 2)
+    processes = list(pool._processes)
+    assert all(process.is_alive() for process in processes)
+    pool.close()
+    assert not any(process.is_alive() for process in processes)
+    pool.close()
+
+
+def test_errors_survive_the_journey() -> None:
+    error = InputError(Path("models") / "x.obj", "is empty", "export it", "faces")
+    sent = pickle.loads(pickle.dumps(error))
+    assert type(sent) is InputError
+    assert str(sent) == str(error)
+    assert (sent.source, sent.problem, sent.remedy, sent.field) == (
+        error.source,
+        error.problem,
+        error.remedy,
+        error.field,
+    )
+
+
+def test_a_sent_library_still_has_its_objects() -> None:
+    sent = pickle.loads(pickle.dumps(small_library()))
+    assert sent.ids == (ERASER, SOAP)
+    np.testing.assert_array_equal(
+        sent[SOAP].mesh.vertices, library()[SOAP].mesh.vertices
+    )
