@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from physim_drake.files import cannot_write
 from physim_drake.meshes import read_raw_mesh
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
@@ -33,7 +34,17 @@ def write_drake_model(model: ObjectModel, folder: Path) -> Path:
     Returns:
         the SDF file, `<folder>/<name>.sdf`; characters that do not suit a file's name
         become underscores.
+
+    Raises:
+        InputError: where the folder cannot be written.
     """
+    try:
+        return _write_files(model, folder)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+
+
+def _write_files(model: ObjectModel, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^\w.-]", "_", model.name)
     visual = _write_visual(model, folder, stem)
