@@ -1,14 +1,44 @@
 .DEFAULT_GOAL := help
-PYTHON ?= python3.11
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
 
 .PHONY: help
 help:  ## Show the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
+.PHONY: demo
+demo: setup  ## Estimate the example scene; draw it into out/demo/overlay.png.
+	@$(BIN)/python examples/demo.py --out out/demo
+
+.PHONY: test
+test: setup lint typecheck  ## Check style, types and behaviour, as CI does.
+	@$(BIN)/pytest
+
+.PHONY: lint
+lint: setup  ## Check style.
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+# Type checkers do not see the package mapping of an editable install, so they get a
+# tree of links in which models/ and systems/ stand where they are imported from.
 .PHONY: typecheck
-typecheck:
+typecheck: setup  ## Check types.
 	@mkdir -p build/typecheck && rm -rf build/typecheck/physim_drake && mkdir build/typecheck/physim_drake
 	@ln -s $(CURDIR)/physim_drake/* $(CURDIR)/systems $(CURDIR)/models build/typecheck/physim_drake/
 	@cd build/typecheck && MYPYPATH=. $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml -p physim_drake
+
+.PHONY: setup
+setup: $(STAMP)  ## Install what is needed into .venv, and the OpenGL libraries.
+	@requirements/graphics.sh
+
+$(STAMP): requirements/dev.txt pyproject.toml
+	@test -n "$(PYTHON)" && $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "error: needs Python 3.11 or later: apt-get install python3.11 python3.11-venv, or make PYTHON=/path/to/python" >&2; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
+	  { rm -rf $(VENV); echo "error: $(PYTHON) cannot make a virtual environment: apt-get install python3.11-venv" >&2; exit 1; }
+	@echo "installing the pinned dependencies into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/dev.txt
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@

@@ -119,7 +119,7 @@ def _tinted(
         mask = (scene.labels == index).astype(np.uint8)
         edges, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(canvas, edges, -1, _color(index), 2, cv2.LINE_AA)
-    taken: list[tuple[int, int]] = []
+    taken: list[int] = []
     for index, item in enumerate(objects):
         rows, columns = np.nonzero(scene.labels == index)
         text = f"{item.name} {item.confidence:.2f}"
@@ -134,18 +134,17 @@ def _label(
     column: int,
     row: int,
     index: int,
-    taken: list[tuple[int, int]],
+    taken: list[int],
 ) -> None:
-    """Writes a name above an object, moved down past the names written before."""
+    """Writes a name above an object, clear of the rows written before."""
     scale = canvas.shape[1] / 1280
     (width, height), below = cv2.getTextSize(text, _FONT, scale, 1)
     step = height + below + 4
     left = int(np.clip(column - width // 2, 2, max(canvas.shape[1] - width - 2, 2)))
-    bottom = max(row - 4, step)
-    while any(abs(bottom - b) < step for b, _ in taken):
-        bottom += step
-    bottom = min(bottom, canvas.shape[0] - 4)
-    taken.append((bottom, left))
+    rows = [*range(row - 4, step, -1), *range(max(row - 4, step), canvas.shape[0])]
+    free = (r for r in rows if all(abs(r - t) >= step for t in taken))
+    bottom = next(free, step)
+    taken.append(bottom)
     corner = (left - 2, bottom - height - 3)
     cv2.rectangle(canvas, corner, (left + width + 2, bottom + below), (0, 0, 0), -1)
     light = tuple(int(128 + c / 2) for c in _color(index))
