@@ -55,13 +55,13 @@ class SearchTrace:
     """The anytime curve of one group's search, with poses in the camera.
 
     Attributes:
-        object_ids: the group's objects, in placing order.
+        indices: which of the estimate's objects the group holds, in placing order.
         points: (expansion, seconds, best score in pixels, X_CO (N, 4, 4)), one each
             time the best score rose.
         expansions: made in all.
     """
 
-    object_ids: tuple[int, ...]
+    indices: tuple[int, ...]
     points: tuple[tuple[int, float, int, Array], ...]
     expansions: int
 
@@ -69,7 +69,7 @@ class SearchTrace:
     def of(cls, result: SearchResult, scene: Scene) -> SearchTrace:
         """From a search's result."""
         return cls(
-            tuple(scene.object_ids[k] for k in result.order),
+            result.order,
             tuple(
                 (p.expansion, p.seconds, p.score, scene.X_CS @ p.poses)
                 for p in result.trace
@@ -80,7 +80,7 @@ class SearchTrace:
     def as_dict(self) -> dict[str, Any]:
         """Plain lists and numbers, for JSON; poses row-wise, m."""
         return {
-            "object_ids": list(self.object_ids),
+            "objects": list(self.indices),
             "expansions": self.expansions,
             "points": [
                 {

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import TracebackType
 
@@ -31,8 +31,14 @@ from physim_drake.search.tree import (
     heuristic_search,
     monte_carlo_tree_search,
 )
-from physim_drake.surface import find_support_surface, surface_at_height
+from physim_drake.surface import (
+    SupportSurface,
+    find_support_surface,
+    surface_at_height,
+)
 from physim_drake.workers import WorkerConfig, WorkerPool
+
+_NOTHING: Placement = {}
 
 
 class Method(StrEnum):
@@ -73,6 +79,19 @@ class EstimationConfig:
     rounds: int = 2
     confirmed: float = 0.8
 
+    def with_budget(self, expansions: int, representatives: int) -> EstimationConfig:
+        """The same with other sizes of the search and of the hypotheses' sets."""
+        steps = self.steps
+        clustering = replace(
+            steps.hypotheses.clustering, representatives=representatives
+        )
+        hypotheses = replace(steps.hypotheses, clustering=clustering)
+        return replace(
+            self,
+            search=replace(self.search, expansions=expansions),
+            steps=replace(steps, hypotheses=hypotheses),
+        )
+
 
 class PoseEstimator:
     """Estimates scenes; keeps its workers warm from one image to the next.
@@ -110,13 +129,7 @@ class PoseEstimator:
             InputError: where the surface cannot be found, or an object has no model.
         """
         clock = _StageClock()
-        if surface_height is None:
-            surface = find_support_surface(
-                observation, detections, np.random.default_rng(self._config.seed)
-            )
-        else:
-            surface = surface_at_height(observation, surface_height)
-        scene = prepare_scene(observation, surface, detections)
+        surface, scene = self._prepare(observation, detections, surface_height)
         clock.lap("segments")
         self._pool.set_scene(scene)
         clock.lap("setup")
@@ -141,6 +154,36 @@ class PoseEstimator:
         return SceneEstimate(
             objects, surface, str(self._config.method), clock.stages, tuple(trace)
         )
+
+    def hypotheses(
+        self,
+        observation: RgbdObservation,
+        detections: Sequence[Detection],
+        surface_height: float | None = None,
+    ) -> tuple[Scene, list[PoseHypotheses]]:
+        """The pose hypotheses of each detected object, as `estimate` makes them first.
+
+        The arguments are those of `estimate`; the poses are in the frame S of the
+        scene that is returned, too.
+        """
+        _, scene = self._prepare(observation, detections, surface_height)
+        self._pool.set_scene(scene)
+        seed = self._config.seed
+        requests = [(k, _NOTHING, (seed, 0, k)) for k in range(len(detections))]
+        return scene, self._pool.map("hypotheses", requests)
+
+    def _prepare(
+        self,
+        observation: RgbdObservation,
+        detections: Sequence[Detection],
+        surface_height: float | None,
+    ) -> tuple[SupportSurface, Scene]:
+        if surface_height is None:
+            generator = np.random.default_rng(self._config.seed)
+            surface = find_support_surface(observation, detections, generator)
+        else:
+            surface = surface_at_height(observation, surface_height)
+        return surface, prepare_scene(observation, surface, detections)
 
     def close(self) -> None:
         """Ends the workers."""
@@ -175,7 +218,7 @@ class PoseEstimator:
         trace: list[SearchTrace],
     ) -> dict[int, Array]:
         """Searches each independent group, refines its best states, joins them."""
-        found = self._hypotheses([(k, {}) for k in large], 0)
+        found = self._hypotheses([(k, _NOTHING) for k in large], 0)
         clock.lap("hypotheses")
         placed: dict[int, Array] = {}
         groups = dependency_graph(scene.segments, scene.X_CS).components
@@ -261,7 +304,7 @@ class PoseEstimator:
         if self._config.method is Method.SUPER4PCS_ICP:
             starts = {
                 k: h.X_SO[[int(h.lcp.argmax())]]
-                for k, h in self._hypotheses([(k, {}) for k in large], 0).items()
+                for k, h in self._hypotheses([(k, _NOTHING) for k in large], 0).items()
             }
         else:
             starts = {

@@ -22,6 +22,18 @@ def cannot_write(path: Path, error: OSError) -> InputError:
     )
 
 
+def make_folder(folder: Path) -> None:
+    """Makes a folder, and those above it, unless it is there.
+
+    Raises:
+        InputError: where that cannot be done.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+
+
 @overload
 @contextmanager
 def write_atomically(path: Path, mode: Literal["w"] = "w") -> Iterator[TextIO]: ...

@@ -152,6 +152,7 @@ def estimate(
     from physim_drake.cli.estimate_run import EstimateRun
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results_writer import ResultsWriter
+    from physim_drake.files import make_folder
     from physim_drake.objects import ObjectLibrary
 
     height = _surface_height(surface)
@@ -163,7 +164,7 @@ def estimate(
     library = ObjectLibrary.load(data.models, ids)
     for folder in (overlays, trace):
         if folder is not None:
-            _make_folder(folder)
+            make_folder(folder)
     settings = {
         "dataset": str(dataset.resolve()),
         "split": split,
@@ -190,23 +191,10 @@ def estimate(
 def _config(
     method: str, expansions: int, hypotheses: int, workers: int | None, seed: int
 ) -> EstimationConfig:
-    from dataclasses import replace
-
     from physim_drake.estimation import EstimationConfig, Method
 
-    config = EstimationConfig()
-    steps = config.steps
-    clustering = replace(steps.hypotheses.clustering, representatives=hypotheses)
-    return replace(
-        config,
-        method=Method(method),
-        seed=seed,
-        workers=workers or default_workers(),
-        search=replace(config.search, expansions=expansions),
-        steps=replace(
-            steps, hypotheses=replace(steps.hypotheses, clustering=clustering)
-        ),
-    )
+    config = EstimationConfig(Method(method), seed, workers or default_workers())
+    return config.with_budget(expansions, hypotheses)
 
 
 def default_workers() -> int:
@@ -226,12 +214,3 @@ def _surface_height(text: str) -> float | None:
             "--surface", f"is {text!r}", "give auto, or the height in metres"
         )
     return height
-
-
-def _make_folder(folder: Path) -> None:
-    from physim_drake.files import cannot_write
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(folder, error) from error

@@ -37,7 +37,9 @@ class HypothesisConfig:
     lcp_delta: float = 0.006
     polished: int = 1000
     polish: TrimmedIcpConfig = field(
-        default_factory=lambda: TrimmedIcpConfig(keep=0.55, iterations=6, tolerance=3e-4)
+        default_factory=lambda: TrimmedIcpConfig(
+            keep=0.55, iterations=6, tolerance=3e-4
+        )
     )
 
 

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""The paper's tables and figures for any dataset, as one page."""

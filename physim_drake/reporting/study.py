@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: MIT
+"""Runs methods over a dataset and measures what the paper's tables and figures show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from physim_drake.batch import DetectionLookup, estimate_images, match_detections
+from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId
+from physim_drake.datasets.results import ResultRow
+from physim_drake.estimate import SceneEstimate
+from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
+from physim_drake.evaluation.evaluate import MakeRenderer, evaluate_results
+from physim_drake.evaluation.pose_errors import pose_error
+from physim_drake.evaluation.report import EvaluationReport
+from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.objects import ObjectLibrary
+from physim_drake.observation import Detection
+from physim_drake.poses import Array, SymmetryGroup
+
+SUCCESS_DEG, SUCCESS_CM = 6.0, 1.5
+
+
+@dataclass(frozen=True)
+class MethodRun:
+    """One method's estimates of all images, and how good they are.
+
+    Attributes:
+        method: which one.
+        estimates: by image.
+        report: their errors.
+        curve: the anytime curve: (expansions, mean rotation error in degrees, mean
+            translation error in cm), (N, 3); empty for methods that do not search.
+    """
+
+    method: Method
+    estimates: Mapping[ImageId, SceneEstimate]
+    report: EvaluationReport
+    curve: Array
+
+
+@dataclass(frozen=True)
+class SelectionErrors:
+    """One row of Table II: the errors of the pose that a metric selects.
+
+    Attributes:
+        metric: which poses, and how one of them is selected.
+        rotation_deg: mean over the objects, degrees.
+        translation_cm: mean over the objects, cm.
+    """
+
+    metric: str
+    rotation_deg: float
+    translation_cm: float
+
+
+@dataclass(frozen=True)
+class HypothesisQuality:
+    """Table II, and how often the representatives hold a good pose.
+
+    Attributes:
+        rows: one for each metric of selection.
+        success: share of objects with a representative within 6 degrees and 1.5 cm.
+        objects: how many objects there are.
+        poses: mean number of scored poses an object.
+    """
+
+    rows: tuple[SelectionErrors, ...]
+    success: float
+    objects: int
+    poses: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything that is needed to run methods on a dataset.
+
+    Attributes:
+        dataset: with ground truth.
+        library: its objects.
+        look_up: gives an image's detections.
+        source: what to call them.
+        config: settings but the method.
+        progress: is called once an image with what is being done.
+    """
+
+    dataset: BopDataset
+    library: ObjectLibrary
+    look_up: DetectionLookup
+    source: str
+    config: EstimationConfig
+    progress: Callable[[str], None] = lambda _: None
+
+    @property
+    def images(self) -> list[ImageId]:
+        """The images that have targets."""
+        targets = self.dataset.targets()
+        return list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))
+
+    def detections(self, image: ImageId) -> Sequence[Detection]:
+        """The objects to find in an image."""
+        targets = self.dataset.targets()
+        return match_detections(targets, image, self.look_up(image), self.source)
+
+    def run(self, method: Method, make_renderer: MakeRenderer | None) -> MethodRun:
+        """Estimates every image with one method.
+
+        Args:
+            method: which one.
+            make_renderer: for VSD, which is left out without it.
+        """
+        rows: list[ResultRow] = []
+        estimates: dict[ImageId, SceneEstimate] = {}
+        config = replace(self.config, method=method)
+        with PoseEstimator(self.library, config) as estimator:
+            for result in estimate_images(
+                self.dataset, self.images, self.detections, estimator
+            ):
+                rows += result.rows()
+                estimates[result.image] = result.estimate
+                self.progress(str(method))
+        report = evaluate_results(self.dataset, rows, self.library, make_renderer)
+        return MethodRun(method, estimates, report, self._curve(estimates))
+
+    def hypothesis_quality(self) -> HypothesisQuality:
+        """Table II of the paper on this dataset."""
+        selected: dict[str, list[tuple[float, float]]] = {}
+        successes, counts = [], []
+        with PoseEstimator(self.library, self.config) as estimator:
+            for image in self.images:
+                for hypotheses, X_CS, truth in self._hypotheses(estimator, image):
+                    rotation, translation = _errors(
+                        X_CS @ hypotheses.X_SO,
+                        truth.X_CO,
+                        self.library[truth.object_id].symmetry,
+                    )
+                    for metric, index in _select(hypotheses, rotation, translation):
+                        pair = (float(rotation[index]), float(translation[index]))
+                        selected.setdefault(metric, []).append(pair)
+                    kept = hypotheses.representatives
+                    good = (rotation[kept] <= SUCCESS_DEG) & (
+                        translation[kept] <= SUCCESS_CM
+                    )
+                    successes.append(bool(good.any()))
+                    counts.append(len(hypotheses.X_SO))
+                self.progress("hypotheses")
+        rows = tuple(
+            SelectionErrors(metric, *np.mean(pairs, axis=0).tolist())
+            for metric, pairs in selected.items()
+        )
+        return HypothesisQuality(
+            rows,
+            float(np.mean(successes)) if successes else 0.0,
+            len(successes),
+            float(np.mean(counts)) if counts else 0.0,
+        )
+
+    def _hypotheses(
+        self, estimator: PoseEstimator, image: ImageId
+    ) -> Iterator[tuple[PoseHypotheses, Array, GroundTruthPose]]:
+        """Each detected object's hypotheses, X_CS, and true pose."""
+        observation = self.dataset.observation(*image)
+        detections = self.detections(image)
+        scene, found = estimator.hypotheses(observation, detections)
+        for detection, hypotheses in zip(detections, found, strict=True):
+            if len(hypotheses.X_SO):
+                yield hypotheses, scene.X_CS, self._truth(image, detection)
+
+    def _truth(self, image: ImageId, detection: Detection) -> GroundTruthPose:
+        """The true pose that projects nearest to the middle of a detection."""
+        K = self.dataset.observation(*image).intrinsics
+        middle = (detection.box[:2] + detection.box[2:]) / 2
+        same = [
+            truth
+            for truth in self.dataset.ground_truth(*image)
+            if truth.object_id == detection.object_id
+        ]
+        return min(
+            same,
+            key=lambda t: float(np.linalg.norm(K.project(t.X_CO[:3, 3]) - middle)),
+        )
+
+    def _curve(self, estimates: Mapping[ImageId, SceneEstimate]) -> Array:
+        """Mean errors of the best state so far against expansions, before refining.
+
+        The first search of each group counts; before its first complete state, its
+        first one does.
+        """
+        grid = np.arange(1, self.config.search.expansions + 1)
+        errors, count = np.zeros((len(grid), 2)), 0
+        for image, estimate in estimates.items():
+            detections = self.detections(image)
+            seen: set[int] = set()
+            for trace in estimate.trace:
+                if not trace.points or seen & set(trace.indices):
+                    continue
+                seen |= set(trace.indices)
+                steps = [expansion for expansion, _, _, _ in trace.points]
+                at = np.maximum(np.searchsorted(steps, grid, side="right") - 1, 0)
+                for n, k in enumerate(trace.indices):
+                    truth = self._truth(image, detections[k])
+                    symmetry = self.library[truth.object_id].symmetry
+                    found = [
+                        pose_error(truth.X_CO, poses[n], symmetry)
+                        for _, _, _, poses in trace.points
+                    ]
+                    errors[:, 0] += np.degrees([e.rpy_mean for e in found])[at]
+                    errors[:, 1] += 100 * np.array([e.translation for e in found])[at]
+                    count += 1
+        if count == 0:
+            return np.zeros((0, 3))
+        return np.column_stack([grid, errors / count])
+
+
+def _errors(
+    X_CO: Array, X_CO_true: Array, symmetry: SymmetryGroup
+) -> tuple[Array, Array]:
+    """Rotation angles (deg) and distances (cm) of poses (N, 4, 4), each (N,)."""
+    R_true = np.broadcast_to(X_CO_true[:3, :3], (len(X_CO), 3, 3))
+    angle = symmetry.rotation_distance(R_true, X_CO[:, :3, :3])
+    distance = np.linalg.norm(X_CO[:, :3, 3] - X_CO_true[:3, 3], axis=1)
+    return np.degrees(angle), 100 * distance
+
+
+def _select(
+    hypotheses: PoseHypotheses, rotation: Array, translation: Array
+) -> list[tuple[str, int]]:
+    """The pose that each metric of Table II selects."""
+    kept = hypotheses.representatives
+    return [
+        ("all hypotheses, best LCP", int(hypotheses.lcp.argmax())),
+        ("all hypotheses, least rotation error", int(rotation.argmin())),
+        ("all hypotheses, least translation error", int(translation.argmin())),
+        ("representatives, best LCP", int(kept[hypotheses.lcp[kept].argmax()])),
+        (
+            "representatives, least rotation error",
+            int(kept[rotation[kept].argmin()]),
+        ),
+        (
+            "representatives, least translation error",
+            int(kept[translation[kept].argmin()]),
+        ),
+    ]
