@@ -102,9 +102,19 @@ def test_neither_the_floor_nor_the_wall_is_the_table(known_pose: bool) -> None:
 
 
 def test_a_big_object_s_top_is_not_the_table() -> None:
-    made = synthesize([(TISSUES, resting(TISSUES, np.eye(3), 0.0, 0.0))])
+    # Little of the table is seen, much less than of the box's top.
+    table = plane_depth(CAMERA, X_WC, [0.0, 0.0, 1.0], 0.0)
+    box = [(TISSUES, resting(TISSUES, np.eye(3), 0.0, 0.0))]
+    left, top, right, bottom = synthesize(box).detections[0].box.astype(int)
+    around = np.zeros_like(table)
+    rows, columns = slice(top, bottom + 6), slice(left - 6, right + 6)
+    around[rows, columns] = table[rows, columns]
+    made = synthesize(box, table=around)
+    assert np.count_nonzero(made.masks[0]) > 2 * np.count_nonzero(
+        (made.ideal_depth > 0) & ~made.masks[0]
+    )
     surface = find_support_surface(made.observation, made.detections)
-    assert (errors(surface, X_WC) < [0.3, 1.5]).all()
+    assert (errors(surface, X_WC) < [0.5, 2.5]).all()
 
 
 def test_the_same_generator_gives_the_same_surface() -> None:

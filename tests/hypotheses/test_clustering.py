@@ -108,6 +108,27 @@ def test_equivalent_rotations_share_a_representative() -> None:
     assert modes[1:] == [2]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_as_many_representatives_as_modes_take_one_of_each(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    X = np.concatenate(
+        [
+            poses_near(
+                Rotation.from_euler("x", 60 * n, degrees=True),
+                [0, 0, 0],
+                60,
+                generator,
+                1e-4,
+                1e-3,
+            )
+            for n in range(5)
+        ]
+    )
+    config = ClusteringConfig(representatives=5, translation_clusters=1)
+    indices = cluster_poses(X, np.ones(300), NONE, generator, config)
+    assert sorted(int(i) // 60 for i in indices) == [0, 1, 2, 3, 4]
+
+
 def test_a_ball_s_rotations_are_one() -> None:
     generator = np.random.default_rng(0)
     X = poses_near(Rotation.identity(), [0, 0, 0], 400, generator, 0.0)

@@ -94,16 +94,13 @@ def test_support_wins_over_hiding() -> None:
 
 
 def test_a_cycle_over_three_is_cut_where_depth_differs_least() -> None:
-    # 0 carries 1; 1 hides 2, which is 40 cm behind; 2 hides 0, 5 cm behind it.
-    carrier = segment([0.0, 0.55, 0.1], box=[0, 0, 50, 50])
-    top = segment([0.0, 0.5, 0.25], half=0.1, box=[0, 60, 50, 90])
-    other = segment([0.6, 0.9, 0.1], box=[0, 40, 50, 70])
+    # 0 carries 1; 1 hides 2, 40 cm behind it; 2 would hide 0, 5 cm behind it.
+    carrier = segment([0.0, 0.95, 0.1], half=0.2, box=[0, 60, 50, 90])
+    top = segment([0.0, 0.5, 0.5], half=0.3, box=[0, 0, 50, 40])
+    other = segment([0.9, 0.9, 0.1], half=0.05, box=[0, 30, 50, 70])
     graph = dependency_graph([carrier, top, other], FROM_SIDE)
-    assert (0, 1) in graph.edges
-    assert (1, 2) in graph.edges
-    assert len(graph.components) == 1
-    order = graph.components[0]
-    assert order.index(0) < order.index(1) < order.index(2)
+    assert graph.edges == ((0, 1), (1, 2))
+    assert graph.components == ((0, 1, 2),)
 
 
 def test_a_detection_without_points_depends_on_nothing() -> None:

@@ -121,6 +121,18 @@ def test_an_object_is_not_left_inside_another() -> None:
     assert overlap(UPPER, X, LOWER, below[LOWER]) < 1e-3
 
 
+def test_physics_puts_down_what_seems_to_float() -> None:
+    # The camera sees both objects 4 mm too high, as a badly calibrated one does.
+    up = make_pose(p=[0.0, 0.0, 0.004])
+    apart = synthesize([(i, up @ X) for i, X in pair_apart()], noise=0.5)
+    expander = SceneExpander(apart.scene(), library(), renderer())
+    for k, X_seen in enumerate(apart.X_SO):
+        X = expander.expand({}, k, X_seen)
+        assert X is not None
+        lowest = transform_points(X, expander.models[k].mesh.vertices)[:, 2].min()
+        assert lowest == pytest.approx(0, abs=1e-3)
+
+
 def test_a_rollout_places_all_and_scores_the_end() -> None:
     apart = synthesize(pair_apart(), noise=0.5)
     expander = SceneExpander(apart.scene(), library(), renderer())

@@ -8,16 +8,21 @@ import pytest
 
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 from physim_drake.registration_model import registration_model
-from physim_drake.search.refinement import JointRefiner
+from physim_drake.search.refinement import JointRefiner, RefinementConfig
 from physim_drake.search.states import SceneRenderer
 from tests.synthetic import (
+    BOOK,
+    TISSUES,
     SyntheticScene,
     library,
+    look_at,
     perturbed,
     pose_error,
     renderer,
+    resting,
     stack,
     synthesize,
+    turned,
 )
 
 LOWER, UPPER = 0, 1
@@ -111,6 +116,49 @@ def test_contact_is_kept() -> None:
         refined[LOWER], library()[made().detections[LOWER].object_id].mesh.vertices
     )[:, 2].min()
     assert abs(lowest) < 8e-4
+
+
+def refined_gap(seen_higher: float, config: RefinementConfig) -> float:
+    """The gap after refining the truth where the upper object is seen too high."""
+    (lower, X_lower), (upper, X_upper) = stack()
+    moved = make_pose(p=[0, 0, seen_higher]) @ X_upper
+    scene = synthesize([(lower, X_lower), (upper, moved)], noise=0.0).scene()
+    models = [library()[k] for k in scene.object_ids]
+    drawing = SceneRenderer(scene, renderer(), 0.01)
+    return gap(JointRefiner(drawing, models, config).refine(truth()))
+
+
+def test_overlap_that_the_image_shows_is_resisted() -> None:
+    resisted = refined_gap(-0.004, RefinementConfig())
+    believed = refined_gap(-0.004, RefinementConfig(overlap_weight=0.0))
+    assert believed < -0.002
+    assert resisted > 0.6 * believed
+
+
+def test_a_gap_that_the_image_shows_is_resisted_where_there_was_contact() -> None:
+    resisted = refined_gap(0.002, RefinementConfig())
+    believed = refined_gap(0.002, RefinementConfig(contact_weight=0.0))
+    assert believed > 0.001
+    assert resisted < 0.8 * believed
+
+
+def test_where_the_camera_saw_past_there_is_no_object() -> None:
+    # A book, lying, one end of which a box above it hides: its points do not tell how
+    # far it reaches under the box, but the end that is seen does.
+    X_WC = look_at([0.0, -0.01, 0.6], [0.0, 0.0, 0.0])
+    X_WO = resting(BOOK, turned("yz", 90, 10), 0.0, 0.0)
+    above = resting(TISSUES, np.eye(3), 0.0, 0.1, 0.12)
+    made = synthesize([(BOOK, X_WO), (TISSUES, above)], noise=0.0, X_WC=X_WC)
+    slid = {0: make_pose(p=[0.0, -0.008, 0.0]) @ made.X_SO[0]}
+    shifts = []
+    for weight in (0.3, 0.0):
+        config = RefinementConfig(silhouette_weight=weight)
+        models = [library()[BOOK], library()[TISSUES]]
+        drawing = SceneRenderer(made.scene(), renderer(), 0.01)
+        refined = JointRefiner(drawing, models, config).refine(slid)
+        shifts.append(1e3 * np.linalg.norm((refined[0] - made.X_SO[0])[:3, 3]))
+    assert shifts[0] < 2.0
+    assert shifts[1] > 4.0
 
 
 def test_objects_do_not_sink_into_the_table() -> None:
