@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""The study and its page, on the bundled example scene with a small budget."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physim_drake.batch import detection_lookup
+from physim_drake.datasets.bop import BopDataset
+from physim_drake.errors import InputError
+from physim_drake.estimation import EstimationConfig, Method
+from physim_drake.models import APC11
+from physim_drake.objects import ObjectLibrary
+from physim_drake.reporting.page import write_report
+from physim_drake.reporting.study import HypothesisQuality, MethodRun, Study
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "data" / "tabletop"
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    dataset = BopDataset(EXAMPLE, models=APC11)
+    library = ObjectLibrary.load(APC11, {t.object_id for t in dataset.targets()})
+    look_up, source = detection_lookup(dataset)
+    config = EstimationConfig().with_budget(12, 8)
+    return Study(dataset, library, look_up, source, config)
+
+
+@pytest.fixture(scope="module")
+def runs(study: Study) -> list[MethodRun]:
+    methods = (Method.PHYSIM_MCTS, Method.PCA_ICP)
+    return [study.run(method, None) for method in methods]
+
+
+@pytest.fixture(scope="module")
+def quality(study: Study) -> HypothesisQuality:
+    return study.hypothesis_quality()
+
+
+def test_every_method_is_judged_on_every_target(
+    study: Study, runs: list[MethodRun]
+) -> None:
+    wanted = sum(target.count for target in study.dataset.targets())
+    assert [run.report.overall.targets for run in runs] == [wanted, wanted]
+
+
+def test_only_searching_methods_have_a_curve(runs: list[MethodRun]) -> None:
+    curve = runs[0].curve
+    np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
+    assert np.isfinite(curve).all()
+    assert len(runs[1].curve) == 0
+
+
+def test_selecting_by_the_truth_beats_selecting_by_score(
+    quality: HypothesisQuality,
+) -> None:
+    by_metric = {row.metric: row for row in quality.rows}
+    score = by_metric["all hypotheses, best LCP"]
+    rotation = by_metric["all hypotheses, least rotation error"]
+    translation = by_metric["all hypotheses, least translation error"]
+    assert rotation.rotation_deg <= score.rotation_deg
+    assert translation.translation_cm <= score.translation_cm
+    kept = by_metric["representatives, least rotation error"]
+    assert kept.rotation_deg >= rotation.rotation_deg
+    assert 0.0 <= quality.success <= 1.0
+
+
+def test_page_needs_nothing_from_outside(
+    study: Study, runs: list[MethodRun], quality: HypothesisQuality, tmp_path: Path
+) -> None:
+    page = write_report(study, runs, quality, tmp_path).read_text()
+    assert "http" not in page
+    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/jpeg;base64,") == len(study.images)
+    for run in runs:
+        assert str(run.method) in page
+
+
+def test_tables_hold_what_the_page_shows(
+    study: Study, runs: list[MethodRun], quality: HypothesisQuality, tmp_path: Path
+) -> None:
+    write_report(study, runs, quality, tmp_path)
+    with (tmp_path / "table1.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    overall = runs[0].report.overall
+    assert rows[0]["method"] == "physim-mcts"
+    assert float(rows[0]["all rotation_deg"]) == pytest.approx(
+        overall.rotation_mean_deg, rel=1e-5
+    )
+    figures = json.loads((tmp_path / "report.json").read_text())
+    assert figures["hypotheses"]["success"] == quality.success
+    with (tmp_path / "errors.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 2 * overall.targets
+
+
+def test_same_study_writes_the_same_bytes(
+    study: Study, runs: list[MethodRun], quality: HypothesisQuality, tmp_path: Path
+) -> None:
+    again = [study.run(run.method, None) for run in runs]
+    for name, result in (("a", runs), ("b", again)):
+        (tmp_path / name).mkdir()
+        write_report(study, result, quality, tmp_path / name)
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path
+
+
+def test_missing_folder_is_an_input_error(
+    study: Study, runs: list[MethodRun], tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match="cannot be written"):
+        write_report(study, runs, None, tmp_path / "missing")
