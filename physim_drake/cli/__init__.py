@@ -15,6 +15,7 @@ import typer
 from physim_drake import __version__
 from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
+from physim_drake.cli.generate import generate
 from physim_drake.cli.models import models_app
 from physim_drake.cli.report import report
 from physim_drake.errors import PhysimError
@@ -30,6 +31,7 @@ app = typer.Typer(
 app.command(cls=EstimateCommand)(estimate)
 app.command()(evaluate)
 app.command()(report)
+app.command()(generate)
 app.add_typer(models_app, name="models")
 
 

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: MIT
+"""Colour, depth and label images of whole scenes, with RenderEngineVtk.
+
+Objects carry the textures of their Drake models; lights, and what the container looks
+like, come from an `Appearance`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import (
+    Box,
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    LightParameter,
+    MakeRenderEngineVtk,
+    Mesh,
+    PerceptionProperties,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    RenderLabel,
+    Rgba,
+    SceneGraph,
+    Shape,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.poses import Array
+from physim_drake.rendering.appearance import Appearance, Light
+from physim_drake.scenes.containers import Container
+
+_NEAR, _FAR = 0.05, 8.0
+_ENGINE = "vtk"
+_CONTAINER_LABEL = 0
+_PARKED = RigidTransform([0.0, 0.0, -100.0])
+
+LabelImage = NDArray[np.int16]
+
+
+@dataclass(frozen=True)
+class SceneImages:
+    """What an ideal camera sees.
+
+    Attributes:
+        color: (height, width, 3) uint8 RGB.
+        depth: (height, width) float32, z in m, 0 where nothing is.
+        labels: (height, width) int16: index of the object seen, -1 for none.
+    """
+
+    color: NDArray[np.uint8]
+    depth: DepthImage
+    labels: LabelImage
+
+
+class SceneRenderer:
+    """Renders one set of objects in one container.
+
+    Args:
+        visuals: a textured OBJ file (m) for each object.
+        container: what they stand on or in.
+        appearance: lights and surfaces.
+
+    Holds an OpenGL context; objects can be moved, lights cannot.
+    """
+
+    def __init__(
+        self, visuals: Sequence[Path], container: Container, appearance: Appearance
+    ) -> None:
+        builder = DiagramBuilder()
+        graph = SceneGraph()
+        builder.AddSystem(graph)
+        self._graph: Any = graph
+        self._graph.AddRenderer(_ENGINE, MakeRenderEngineVtk(_params(appearance)))
+        self._source = self._graph.RegisterSource("scene")
+        self._frames = [self._add_frame("container")]
+        self._add_container(container, appearance)
+        for n, path in enumerate(visuals):
+            self._frames.append(self._add_frame(f"object_{n}"))
+            self._add(self._frames[-1], RigidTransform(), Mesh(path), n + 1, {})
+        builder.ExportOutput(self._graph.get_query_output_port(), "query")
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._query: Any = self._diagram.GetOutputPort("query").Eval(self._context)
+
+    def render(
+        self, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
+    ) -> SceneImages:
+        """Renders the scene.
+
+        Args:
+            X_WO: poses of the objects, (N, 4, 4).
+            X_WC: pose of the camera, (4, 4).
+            intrinsics: of the camera.
+        """
+        self._set_poses(X_WO, container=True)
+        labels = self._labels(X_WC, intrinsics)
+        color = self._query.RenderColorImage(
+            camera=ColorRenderCamera(_core(intrinsics)),
+            parent_frame=self._graph.world_frame_id(),
+            X_PC=RigidTransform(X_WC),
+        )
+        return SceneImages(
+            np.array(color.data[:, :, :3]), self._depth(X_WC, intrinsics), labels
+        )
+
+    def render_depth(
+        self, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
+    ) -> DepthImage:
+        """The depth image alone; arguments as for `render`."""
+        self._set_poses(X_WO, container=True)
+        return self._depth(X_WC, intrinsics)
+
+    def visible_labels(
+        self, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
+    ) -> LabelImage:
+        """The label image alone; arguments as for `render`."""
+        self._set_poses(X_WO, container=True)
+        return self._labels(X_WC, intrinsics)
+
+    def silhouette(
+        self, n: int, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
+    ) -> NDArray[np.bool_]:
+        """The pixels (height, width) object `n` would cover with nothing before it."""
+        self._set_poses(X_WO, container=False, only=n)
+        return np.asarray(self._labels(X_WC, intrinsics) == n)
+
+    def _set_poses(
+        self, X_WO: Array, *, container: bool, only: int | None = None
+    ) -> None:
+        poses = FramePoseVector()
+        poses.set_value(self._frames[0], RigidTransform() if container else _PARKED)
+        for n, (frame, X) in enumerate(zip(self._frames[1:], X_WO, strict=True)):
+            shown = only is None or only == n
+            poses.set_value(frame, RigidTransform(X) if shown else _PARKED)
+        port = self._graph.get_source_pose_port(self._source)
+        port.FixValue(self._graph.GetMyContextFromRoot(self._context), poses)
+
+    def _labels(self, X_WC: Array, intrinsics: CameraIntrinsics) -> LabelImage:
+        image = self._query.RenderLabelImage(
+            camera=ColorRenderCamera(_core(intrinsics)),
+            parent_frame=self._graph.world_frame_id(),
+            X_PC=RigidTransform(X_WC),
+        )
+        labels = np.array(image.data[:, :, 0], dtype=np.int16) - 1
+        labels[labels >= len(self._frames) - 1] = -1  # empty space
+        return labels
+
+    def _depth(self, X_WC: Array, intrinsics: CameraIntrinsics) -> DepthImage:
+        image = self._query.RenderDepthImage(
+            camera=DepthRenderCamera(_core(intrinsics), DepthRange(_NEAR, _FAR)),
+            parent_frame=self._graph.world_frame_id(),
+            X_PC=RigidTransform(X_WC),
+        )
+        depth = np.array(image.data[:, :, 0])
+        depth[~np.isfinite(depth)] = 0.0
+        return depth
+
+    def _add_frame(self, name: str) -> Any:
+        return self._graph.RegisterFrame(self._source, GeometryFrame(name))
+
+    def _add_container(self, container: Container, appearance: Appearance) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            for n, (box, texture) in enumerate(
+                zip(container.boxes, appearance.textures(container), strict=True)
+            ):
+                path = Path(folder) / f"{n}.png"
+                cv2.imwrite(str(path), texture[..., ::-1])
+                self._add(
+                    self._frames[0],
+                    RigidTransform(box.center),
+                    Box(*box.size),
+                    _CONTAINER_LABEL,
+                    {"diffuse": Rgba(1.0, 1.0, 1.0, 1.0), "diffuse_map": str(path)},
+                )
+
+    def _add(
+        self,
+        frame: Any,
+        X_FG: RigidTransform,
+        shape: Shape,
+        label: int,
+        material: dict[str, Any],
+    ) -> None:
+        count = self._graph.model_inspector().num_geometries()
+        instance = GeometryInstance(X_FG, shape, f"geometry_{count}")
+        properties = PerceptionProperties()
+        properties.AddProperty("label", "id", RenderLabel(label))
+        for name, value in material.items():
+            properties.AddProperty("phong", name, value)
+        instance.set_perception_properties(properties)
+        self._graph.RegisterGeometry(self._source, frame, instance)
+
+
+def _params(appearance: Appearance) -> Any:
+    params: Any = RenderEngineVtkParams()
+    params.lights = [_light(light) for light in appearance.lights]
+    params.cast_shadows = appearance.shadows
+    params.shadow_map_size = 1024
+    params.default_clear_color = np.array(appearance.background)
+    return params
+
+
+def _light(light: Light) -> LightParameter:
+    return LightParameter(
+        type=light.kind,
+        color=Rgba(*light.color, 1.0),
+        intensity=light.intensity,
+        position=np.array(light.position),
+        direction=np.array(light.direction),
+        frame=light.frame,
+        cone_angle=light.cone_angle,
+    )
+
+
+def _core(intrinsics: CameraIntrinsics) -> RenderCameraCore:
+    # Drake's pixel centres lie at half integers.
+    info = CameraInfo(
+        width=intrinsics.width,
+        height=intrinsics.height,
+        focal_x=intrinsics.fx,
+        focal_y=intrinsics.fy,
+        center_x=intrinsics.cx + 0.5,
+        center_y=intrinsics.cy + 0.5,
+    )
+    return RenderCameraCore(_ENGINE, info, ClippingRange(_NEAR, _FAR), RigidTransform())

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Cluttered scenes with exact ground truth: placed, settled, labelled, looked at."""

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: MIT
+"""Datasets of generated scenes in BOP layout, made by any number of workers.
+
+Every scene comes into its place whole, by one rename; the files about the whole dataset
+are made from the scenes at the end, and ``generation.json`` says ``"complete": true``
+last of all. So a run that was cut off leaves whole scenes and perhaps hidden scratch
+folders, and a resumed one makes the rest.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from physim_drake.datasets.bop_writer import write_bop_models, write_json
+from physim_drake.datasets.json_nodes import read_json
+from physim_drake.errors import InputError, PhysimError
+from physim_drake.files import cannot_write, write_atomically
+from physim_drake.objects import ObjectLibrary
+from physim_drake.scenes.containers import ContainerName, load_container
+from physim_drake.scenes.directives import PACKAGE_XML
+from physim_drake.scenes.generation import check_scene_config, write_models
+from physim_drake.scenes.recording import (
+    FACTS_FILE,
+    MODELS_FOLDER,
+    DatasetConfig,
+    write_scene,
+)
+
+SPLIT = "test"
+STATE_FILE = "generation.json"
+Progress = Callable[[int], None]
+
+
+def generate_dataset(
+    root: Path,
+    library: ObjectLibrary,
+    config: DatasetConfig,
+    scenes: int,
+    workers: int = 1,
+    resume: bool = False,
+    progress: Progress = lambda done: None,
+) -> None:
+    """Generates a dataset; the files do not depend on workers or interruptions.
+
+    Args:
+        root: its folder; is made, and must be empty without `resume`.
+        library: the objects to draw from.
+        config: its scenes.
+        scenes: how many, numbered from 1.
+        workers: processes; 1 works in this process.
+        resume: keep the scenes that an earlier run with the same settings finished.
+        progress: is told how many scenes are done.
+
+    Raises:
+        InputError: where the settings cannot be, or files cannot be written.
+        PhysimError: where a scene cannot be made.
+    """
+    if scenes < 1 or config.views < 1 or workers < 1:
+        raise InputError(
+            "scenes, views and workers", "below 1", "give positive numbers"
+        )
+    if not config.levels:
+        raise InputError("levels", "is empty", "give some of 1, 2, 3")
+    for scene_id in range(1, min(scenes, len(config.levels)) + 1):
+        check_scene_config(library, config.scene(scene_id))
+    settings = _settings(library, config, scenes)
+    split = root / SPLIT
+    try:
+        _begin(root, settings, resume)
+        model_files = _write_models(root, library)
+        done = {n for n in range(1, scenes + 1) if (split / f"{n:06d}").is_dir()}
+        todo = [n for n in range(1, scenes + 1) if n not in done]
+        progress(len(done))
+        _run(split, library, config, model_files, todo, workers, progress, len(done))
+        _finish(root, settings, scenes)
+    except OSError as error:
+        raise cannot_write(root, error) from error
+
+
+def _settings(
+    library: ObjectLibrary, config: DatasetConfig, scenes: int
+) -> dict[str, Any]:
+    """What must be the same for a run to be resumed, as it looks when read back."""
+    settings = {
+        "scenes": scenes,
+        **asdict(config),
+        "objects": {str(i): library[i].name for i in library},
+    }
+    restored: dict[str, Any] = json.loads(json.dumps(settings))
+    return restored
+
+
+def _begin(root: Path, settings: dict[str, Any], resume: bool) -> None:
+    """Makes the folder, or checks that an earlier run can go on in it."""
+    state = root / STATE_FILE
+    root.mkdir(parents=True, exist_ok=True)
+    if any(root.iterdir()):
+        if not resume:
+            raise InputError(
+                root, "is not empty", "choose a new folder, or --resume an earlier run"
+            )
+        if state.exists():
+            earlier = read_json(state)
+            for key, value in settings.items():
+                if earlier["settings"].value.get(key) != value:
+                    raise InputError(
+                        state,
+                        f"is {earlier['settings'].value.get(key)}, now {value}",
+                        "resume with the settings of the earlier run",
+                        f"settings.{key}",
+                    )
+        elif any(not path.name.startswith(".") for path in root.iterdir()):
+            raise InputError(
+                root, f"holds no {STATE_FILE}", "choose a folder made by generate"
+            )
+    for path in [*root.glob(".*.tmp"), *(root / SPLIT).glob(".*.tmp")]:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    (root / SPLIT).mkdir(exist_ok=True)
+    if not state.exists():
+        _write_state(root, settings, complete=False)
+
+
+def _write_state(root: Path, settings: dict[str, Any], *, complete: bool) -> None:
+    with write_atomically(root / STATE_FILE) as file:
+        json.dump({"settings": settings, "complete": complete}, file, indent=1)
+        file.write("\n")
+
+
+def _write_models(root: Path, library: ObjectLibrary) -> dict[int, Path]:
+    """Writes the models, unless an earlier run has; returns the SDF files."""
+    models, drake_models = root / "models", root / MODELS_FOLDER
+    if not models.is_dir():
+        scratch = root / ".models.tmp"
+        write_bop_models(scratch, library)
+        os.rename(scratch, models)
+    if not drake_models.is_dir():
+        scratch = root / ".drake_models.tmp"
+        write_models(library, scratch)
+        for name in ContainerName:
+            shutil.copyfile(load_container(name).sdf, scratch / f"{name}.sdf")
+        os.rename(scratch, drake_models)
+    (root / "package.xml").write_text(PACKAGE_XML, encoding="utf-8")
+    files = {}
+    for object_id in library:
+        folder = drake_models / f"obj_{object_id:06d}"
+        files[object_id] = next(folder.glob("*.sdf"))
+    return files
+
+
+def _run(
+    split: Path,
+    library: ObjectLibrary,
+    config: DatasetConfig,
+    model_files: Mapping[int, Path],
+    todo: list[int],
+    workers: int,
+    progress: Progress,
+    done: int,
+) -> None:
+    """Makes the scenes `todo`."""
+    if workers == 1:
+        with threadpool_limits(1):
+            for n, scene_id in enumerate(todo, start=done + 1):
+                write_scene(split, library, config, scene_id, model_files)
+                progress(n)
+        return
+    pool = ProcessPoolExecutor(
+        workers,
+        multiprocessing.get_context("spawn"),
+        _start_worker,
+        (split, library, config, model_files),
+    )
+    try:
+        futures: list[Future[None]] = [pool.submit(_work, n) for n in todo]
+        for n, future in enumerate(as_completed(futures), start=done + 1):
+            future.result()
+            progress(n)
+    except BrokenProcessPool as error:
+        raise PhysimError("a worker process died; start again with --resume") from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+_task: tuple[Any, ...] = ()
+
+
+def _start_worker(*task: Any) -> None:
+    """Keeps what all scenes of this process share."""
+    global _task
+    _task = task
+    threadpool_limits(1)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+
+
+def _die_with_parent() -> None:
+    """Ends this process with its parent, which may be killed without a word."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _work(scene_id: int) -> None:
+    split, library, config, model_files = _task
+    # Ctrl-C reaches every process; the parent alone speaks of it.
+    with suppress(KeyboardInterrupt):
+        write_scene(split, library, config, scene_id, model_files)
+
+
+def _finish(root: Path, settings: dict[str, Any], scenes: int) -> None:
+    """Writes the files about the whole dataset from those of its scenes."""
+    targets, levels, detections = [], {}, []
+    for scene_id in range(1, scenes + 1):
+        facts = read_json(root / SPLIT / f"{scene_id:06d}" / FACTS_FILE).value
+        images = range(len(facts["detections"]))
+        levels[str(scene_id)] = {
+            str(im_id): {str(k): level for k, level in enumerate(facts["levels"])}
+            for im_id in images
+        }
+        for im_id in images:
+            targets += [
+                {
+                    "im_id": im_id,
+                    "inst_count": 1,
+                    "obj_id": object_id,
+                    "scene_id": scene_id,
+                }
+                for object_id in sorted(facts["objects"])
+            ]
+            detections += [
+                {"scene_id": scene_id, "image_id": im_id, **entry, "time": 0.0}
+                for entry in facts["detections"][im_id]
+            ]
+    for name, value in (
+        ("levels.json", levels),
+        ("detections.json", detections),
+        ("test_targets_bop19.json", targets),
+    ):
+        scratch = root / f".{name}.tmp"
+        write_json(scratch, value)
+        os.replace(scratch, root / name)
+    _write_state(root, settings, complete=True)

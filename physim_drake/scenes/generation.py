@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: MIT
+"""One scene: objects drawn, placed, settled and labelled."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from physim_drake.drake_export import write_drake_model
+from physim_drake.errors import InputError, PhysimError
+from physim_drake.objects import ObjectLibrary
+from physim_drake.poses import Array
+from physim_drake.scenes.config import SceneConfig
+from physim_drake.scenes.contact_graph import (
+    Pair,
+    contact_edges,
+    interaction_levels,
+)
+from physim_drake.scenes.containers import (
+    Container,
+    ContainerName,
+    load_container,
+)
+from physim_drake.scenes.placement import NotPlacedError, Placer
+from physim_drake.scenes.plant import NotAtRestError, RestingScene, ScenePlant
+
+
+@dataclass(frozen=True)
+class GeneratedScene:
+    """A scene at rest; W is the frame of its container.
+
+    Attributes:
+        object_ids: the objects, each once.
+        X_WO: their poses, (N, 4, 4).
+        edges: pairs of indices of objects that touch.
+        levels: interaction level of each object, 1 to 3.
+        kinds: how its groups of objects were built, for instance "bridge".
+        container: what it stands on or in.
+        tries: how often it was drawn.
+    """
+
+    object_ids: tuple[int, ...]
+    X_WO: Array
+    edges: tuple[Pair, ...]
+    levels: tuple[int, ...]
+    kinds: tuple[str, ...]
+    container: ContainerName
+    tries: int
+
+
+def check_scene_config(library: ObjectLibrary, config: SceneConfig) -> None:
+    """Says whether scenes of this kind can be made of a library.
+
+    Raises:
+        InputError: where the level, the number of objects or an object's size cannot
+            be.
+    """
+    if not 1 <= config.level <= 3:
+        raise InputError("levels", f"holds {config.level}", "give 1, 2 or 3")
+    if not 1 <= config.min_objects <= config.max_objects:
+        raise InputError(
+            "objects",
+            f"is {config.min_objects}:{config.max_objects}",
+            "give MIN:MAX with 1 <= MIN <= MAX",
+        )
+    if config.max_objects < config.level:
+        raise InputError(
+            "levels",
+            f"{config.level} needs {config.level} objects that depend on each other, "
+            f"scenes have at most {config.max_objects}",
+            "allow more objects, or leave this level out",
+        )
+    if config.max_objects > len(library):
+        raise InputError(
+            "objects",
+            f"asks for up to {config.max_objects}, {library.source} has "
+            f"{len(library)} and each is used once a scene",
+            "ask for fewer, or add models",
+        )
+    container = load_container(config.container)
+    for model in library.values():
+        if model.diameter > container.largest_object:
+            raise InputError(
+                model.source if model.source.name else model.name,
+                f"is {model.diameter:.2f} m across, the {container.name} takes "
+                f"objects of {container.largest_object:.2f} m",
+                "leave the model out, or check its unit",
+            )
+
+
+def generate_scene(
+    library: ObjectLibrary,
+    config: SceneConfig,
+    seed: int | np.random.SeedSequence,
+    model_files: Mapping[int, Path] | None = None,
+) -> GeneratedScene:
+    """Makes one scene; the same arguments make the same one.
+
+    Args:
+        library: the objects to draw from.
+        config: what scene.
+        seed: of all random choices.
+        model_files: Drake models of all objects, where they have been written.
+
+    Raises:
+        InputError: see `check_scene_config`.
+        PhysimError: where no try succeeds.
+    """
+    check_scene_config(library, config)
+    if model_files is None:
+        with tempfile.TemporaryDirectory() as folder:
+            return generate_scene(
+                library, config, seed, write_models(library, Path(folder))
+            )
+    container = load_container(config.container)
+    rng = np.random.default_rng(seed)
+    reasons: Counter[str] = Counter()
+    for tries in range(1, config.max_tries + 1):
+        try:
+            return _try_scene(library, config, container, model_files, rng, tries)
+        except (NotPlacedError, NotAtRestError) as error:
+            reasons[str(error)] += 1
+    told = ", ".join(f"{reason} ({n})" for reason, n in reasons.most_common(3))
+    raise PhysimError(
+        f"no scene of level {config.level} in {config.max_tries} tries: {told}"
+    )
+
+
+def write_models(library: ObjectLibrary, folder: Path) -> dict[int, Path]:
+    """Writes the Drake model of every object; returns the SDF files by object id."""
+    return {
+        object_id: write_drake_model(model, folder / f"obj_{object_id:06d}")
+        for object_id, model in library.items()
+    }
+
+
+def _try_scene(
+    library: ObjectLibrary,
+    config: SceneConfig,
+    container: Container,
+    model_files: Mapping[int, Path],
+    rng: np.random.Generator,
+    tries: int,
+) -> GeneratedScene:
+    count = rng.integers(max(config.min_objects, config.level), config.max_objects + 1)
+    ids = tuple(int(i) for i in rng.permutation(library.ids)[:count])
+    plant = ScenePlant(
+        [library[i] for i in ids],
+        [model_files[i] for i in ids],
+        container,
+        config.settling,
+    )
+    groups = _groups(int(count), config.level)
+    kinds = Placer(plant, container, rng).place(groups)
+    rest = plant.settle()
+    edges = _check_edges(rest, config)
+    levels = interaction_levels(len(ids), edges)
+    if max(levels) != config.level:
+        raise NotAtRestError("another level came out")
+    _check_inside(plant, rest, container)
+    return GeneratedScene(ids, rest.X_WO, edges, levels, kinds, config.container, tries)
+
+
+def _groups(count: int, level: int) -> list[Sequence[int]]:
+    """One group of `level` objects and the others alone."""
+    return [range(level), *([k] for k in range(level, count))]
+
+
+def _check_edges(rest: RestingScene, config: SceneConfig) -> tuple[Pair, ...]:
+    """Who touches whom; rejects a scene where this is not clear."""
+    settling = config.settling
+    between = {pair: d for pair, d in rest.distances.items() if pair[0] >= 0}
+    if any(settling.touching < d < settling.apart for d in between.values()):
+        raise NotAtRestError("objects nearly touch")
+    return contact_edges(between, settling.touching)
+
+
+def _check_inside(plant: ScenePlant, rest: RestingScene, container: Container) -> None:
+    """Rejects a scene where part of an object lies outside the area for objects."""
+    limit = container.half_extents
+    for model, X_WO in zip(plant.objects, rest.X_WO, strict=True):
+        points = model.mesh.vertices @ X_WO[:3, :3].T + X_WO[:3, 3]
+        if (np.abs(points[:, :2]) > limit).any() or points[:, 2].max() > (
+            container.height
+        ):
+            raise NotAtRestError("an object left the surface")

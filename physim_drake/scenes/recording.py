@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: MIT
+"""One scene from its number to its folder.
+
+What a scene is depends on the seed of the dataset and its own number alone, so that
+workers can share the scenes out in any way.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from physim_drake.color_noise import ColorNoise
+from physim_drake.datasets.bop_writer import BopImage, write_bop_scene, write_json
+from physim_drake.depth_noise import DepthNoise
+from physim_drake.errors import PhysimError
+from physim_drake.files import cannot_write
+from physim_drake.objects import ObjectLibrary
+from physim_drake.rendering.appearance import Appearance
+from physim_drake.rendering.scene import SceneRenderer
+from physim_drake.scenes.config import SceneConfig
+from physim_drake.scenes.containers import ContainerName, load_container
+from physim_drake.scenes.directives import directives_text
+from physim_drake.scenes.generation import GeneratedScene, generate_scene
+from physim_drake.scenes.views import (
+    NotSeenError,
+    SceneView,
+    ViewConfig,
+    find_view,
+    jittered_detections,
+    render_view,
+)
+
+FACTS_FILE = "scene_facts.json"
+MODELS_FOLDER = "drake_models"
+_MAX_REDRAWS = 20
+
+
+@dataclass(frozen=True)
+class DatasetConfig:
+    """A dataset to generate.
+
+    Attributes:
+        seed: of all random choices.
+        levels: scene `n`, from 1, gets the level at (n - 1) modulo their number.
+        min_objects: fewest objects a scene.
+        max_objects: most objects a scene.
+        container: what they stand on or in.
+        views: images a scene.
+        view: how they are taken.
+    """
+
+    seed: int = 0
+    levels: tuple[int, ...] = (1, 2, 3)
+    min_objects: int = 2
+    max_objects: int = 4
+    container: ContainerName = ContainerName.TABLE
+    views: int = 1
+    view: ViewConfig = field(default_factory=ViewConfig)
+
+    def scene(self, scene_id: int) -> SceneConfig:
+        """The settings of one scene."""
+        return SceneConfig(
+            self.levels[(scene_id - 1) % len(self.levels)],
+            self.min_objects,
+            self.max_objects,
+            self.container,
+        )
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """A scene, its images and what a detector would say of them."""
+
+    scene: GeneratedScene
+    views: tuple[SceneView, ...]
+    detections: tuple[tuple[dict[str, Any], ...], ...]
+
+
+def record_scene(
+    library: ObjectLibrary,
+    config: DatasetConfig,
+    scene_id: int,
+    model_files: Mapping[int, Path],
+) -> SceneRecord:
+    """Makes scene `scene_id` of a dataset and its images.
+
+    Args:
+        library: the objects to draw from.
+        config: of the dataset.
+        scene_id: from 1.
+        model_files: Drake models of the objects, beside each its visual OBJ.
+
+    Raises:
+        InputError: see `check_scene_config`.
+        PhysimError: where no scene, or no view of one, is found.
+    """
+    for redraw in range(_MAX_REDRAWS):
+        seeds = np.random.SeedSequence(config.seed, spawn_key=(scene_id, redraw)).spawn(
+            2
+        )
+        scene = generate_scene(library, config.scene(scene_id), seeds[0], model_files)
+        try:
+            return _look_at(scene, config, model_files, np.random.default_rng(seeds[1]))
+        except NotSeenError:
+            continue
+    raise PhysimError(
+        f"scene {scene_id}: in {_MAX_REDRAWS} scenes some object always shows less "
+        f"than {config.view.min_visible:.0%} of itself"
+    )
+
+
+def write_scene(
+    split: Path,
+    library: ObjectLibrary,
+    config: DatasetConfig,
+    scene_id: int,
+    model_files: Mapping[int, Path],
+) -> None:
+    """Writes scene `scene_id` below `split`, whole or not at all.
+
+    Raises:
+        InputError: where it cannot be written.
+        PhysimError: see `record_scene`.
+    """
+    record = record_scene(library, config, scene_id, model_files)
+    target = split / f"{scene_id:06d}"
+    scratch = split / f".{target.name}.{secrets.token_hex(4)}.tmp"
+    try:
+        names = {object_id: library[object_id].name for object_id in library}
+        write_bop_scene(scratch, _images(record), names)
+        uris = {
+            object_id: f"{MODELS_FOLDER}/{path.parent.name}/{path.name}"
+            for object_id, path in model_files.items()
+        }
+        text = directives_text(record.scene, uris)
+        (scratch / "scene.dmd.yaml").write_text(text, encoding="utf-8")
+        write_json(scratch / FACTS_FILE, _facts(record))
+        os.rename(scratch, target)
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _look_at(
+    scene: GeneratedScene,
+    config: DatasetConfig,
+    model_files: Mapping[int, Path],
+    rng: np.random.Generator,
+) -> SceneRecord:
+    renderer = SceneRenderer(
+        [model_files[i].with_suffix(".obj") for i in scene.object_ids],
+        load_container(scene.container),
+        Appearance.draw(rng),
+    )
+    view_config = config.view
+    views, detections = [], []
+    for _ in range(config.views):
+        X_WC = find_view(scene, renderer, view_config, rng)
+        view = render_view(
+            scene,
+            renderer,
+            X_WC,
+            rng,
+            view_config.preset,
+            None if view_config.noise else DepthNoise.none(),
+            ColorNoise() if view_config.noise else None,
+        )
+        views.append(view)
+        detections.append(_detections(view, scene.object_ids, view_config, rng))
+    return SceneRecord(scene, tuple(views), tuple(detections))
+
+
+def _detections(
+    view: SceneView,
+    object_ids: Sequence[int],
+    config: ViewConfig,
+    rng: np.random.Generator,
+) -> tuple[dict[str, Any], ...]:
+    """BOP detections of one image, without the ids of scene and image."""
+    return tuple(
+        {
+            "category_id": d.object_id,
+            "bbox": [
+                round(float(x), 2)
+                for x in (*d.box[:2], d.box[2] - d.box[0], d.box[3] - d.box[1])
+            ],
+            "score": round(d.score, 4),
+        }
+        for d in jittered_detections(view, object_ids, config.box_jitter, rng)
+    )
+
+
+def _images(record: SceneRecord) -> list[BopImage]:
+    return [
+        BopImage(
+            view.observation,
+            record.scene.object_ids,
+            view.X_CO,
+            view.silhouettes,
+            view.visible,
+        )
+        for view in record.views
+    ]
+
+
+def _facts(record: SceneRecord) -> dict[str, Any]:
+    scene = record.scene
+    return {
+        "objects": scene.object_ids,
+        "levels": scene.levels,
+        "edges": scene.edges,
+        "kinds": scene.kinds,
+        "container": str(scene.container),
+        "tries": scene.tries,
+        "detections": record.detections,
+    }

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: MIT
+"""Looks at a scene: where from, and what is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from physim_drake.camera_presets import PRESETS, CameraName, CameraPreset
+from physim_drake.color_noise import ColorNoise, expose
+from physim_drake.datasets.bop import mask_bounds
+from physim_drake.depth_noise import DepthNoise, measure_depth
+from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.poses import Array, inverse, make_pose
+from physim_drake.rendering.appearance import Appearance
+from physim_drake.rendering.scene import SceneRenderer
+from physim_drake.scenes.containers import Container, load_container
+from physim_drake.scenes.generation import GeneratedScene
+
+Masks = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """How scenes are looked at.
+
+    Attributes:
+        camera: which preset.
+        noise: whether the camera errs; its images are perfect otherwise.
+        min_visible: every object shows at least this share of its silhouette.
+        distance: range from the camera to the middle of the objects, m.
+        max_roll: of the camera about its axis, rad.
+        max_tries: a view that hides or cuts off an object is drawn again, this often.
+        box_jitter: detected boxes are off by up to this share of their size, a side.
+    """
+
+    camera: CameraName = CameraName.D415
+    noise: bool = True
+    min_visible: float = 0.25
+    distance: tuple[float, float] = (0.5, 0.9)
+    max_roll: float = 0.1
+    max_tries: int = 40
+    box_jitter: float = 0.06
+
+    @property
+    def preset(self) -> CameraPreset:
+        """The camera."""
+        return PRESETS[self.camera]
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """One image of a scene with all that is true of it.
+
+    Attributes:
+        observation: what the camera delivers; X_WC is exact.
+        true_depth: without the camera's errors, (height, width), m.
+        X_CO: poses of the objects in the camera, (N, 4, 4).
+        silhouettes: pixels each object would cover alone, (N, height, width).
+        visible: pixels where it is seen, (N, height, width).
+    """
+
+    observation: RgbdObservation
+    true_depth: NDArray[np.float32]
+    X_CO: Array
+    silhouettes: Masks
+    visible: Masks
+
+    @property
+    def visible_fractions(self) -> Array:
+        """Visible share of each silhouette, (N,), 0 where there is none."""
+        seen, all_ = self.visible.sum(axis=(1, 2)), self.silhouettes.sum(axis=(1, 2))
+        return np.asarray(seen / np.maximum(all_, 1))
+
+
+class NotSeenError(Exception):
+    """No view shows all objects of a scene well enough."""
+
+
+def draw_camera(
+    scene: GeneratedScene,
+    container: Container,
+    config: ViewConfig,
+    rng: np.random.Generator,
+) -> Array:
+    """A pose X_WC (4, 4) that looks at the middle of the objects."""
+    azimuth = rng.uniform(*container.azimuth)
+    elevation = rng.uniform(*container.elevation)
+    distance = rng.uniform(*config.distance)
+    target = scene.X_WO[:, :3, 3].mean(axis=0) + rng.uniform(-0.03, 0.03, 3)
+    backward = np.array(
+        [
+            np.cos(azimuth) * np.cos(elevation),
+            np.sin(azimuth) * np.cos(elevation),
+            np.sin(elevation),
+        ]
+    )
+    z_C = -backward
+    x_C = np.cross(z_C, [0.0, 0.0, 1.0])
+    x_C /= np.linalg.norm(x_C)
+    R_WC = np.stack([x_C, np.cross(z_C, x_C), z_C], axis=1)
+    roll = Rotation.from_rotvec([0, 0, rng.uniform(-config.max_roll, config.max_roll)])
+    return make_pose(R_WC @ roll.as_matrix(), target + distance * backward)
+
+
+def find_view(
+    scene: GeneratedScene,
+    renderer: SceneRenderer,
+    config: ViewConfig,
+    rng: np.random.Generator,
+) -> Array:
+    """A pose X_WC (4, 4) from which every object is wholly in the image and shows.
+
+    Raises:
+        NotSeenError: where none is found.
+    """
+    container = load_container(scene.container)
+    for _ in range(config.max_tries):
+        X_WC = draw_camera(scene, container, config, rng)
+        silhouettes, visible = _masks(scene, renderer, X_WC, config.preset)
+        sizes = silhouettes.sum(axis=(1, 2))
+        inner = silhouettes[:, 1:-1, 1:-1].sum(axis=(1, 2))
+        enough = visible.sum(axis=(1, 2)) >= config.min_visible * sizes
+        if (sizes > 0).all() and (inner == sizes).all() and enough.all():
+            return X_WC
+    raise NotSeenError
+
+
+def render_view(
+    scene: GeneratedScene,
+    renderer: SceneRenderer,
+    X_WC: Array,
+    rng: np.random.Generator,
+    camera: CameraPreset = PRESETS[CameraName.D415],
+    depth_noise: DepthNoise | None = None,
+    color_noise: ColorNoise | None = None,
+) -> SceneView:
+    """Takes an image of a scene.
+
+    Args:
+        scene: the scene.
+        renderer: of its objects, see `make_renderer`.
+        X_WC: camera pose, (4, 4).
+        rng: source of the camera's errors.
+        camera: intrinsics, and depth noise where that is not given.
+        depth_noise: replaces the camera's.
+        color_noise: None for a perfect colour image.
+    """
+    noise = camera.noise if depth_noise is None else depth_noise
+    images = renderer.render(scene.X_WO, X_WC, camera.intrinsics)
+    X_WD = X_WC @ noise.draw_extrinsic_error(rng)
+    seen = images.depth
+    if not np.array_equal(X_WD, X_WC):
+        seen = renderer.render_depth(scene.X_WO, X_WD, camera.intrinsics)
+    depth = measure_depth(seen, camera.intrinsics, noise, rng, images.color)
+    color = images.color
+    if color_noise is not None:
+        color = expose(color, color_noise, rng)
+    silhouettes, visible = _masks(scene, renderer, X_WC, camera)
+    return SceneView(
+        RgbdObservation(depth, camera.intrinsics, color, X_WC),
+        images.depth,
+        inverse(X_WC) @ scene.X_WO,
+        silhouettes,
+        visible,
+    )
+
+
+def make_renderer(
+    scene: GeneratedScene, visuals: Sequence[Path], appearance: Appearance
+) -> SceneRenderer:
+    """A renderer of a scene; `visuals` are textured OBJ files of its objects."""
+    return SceneRenderer(visuals, load_container(scene.container), appearance)
+
+
+def jittered_detections(
+    view: SceneView,
+    object_ids: Sequence[int],
+    jitter: float,
+    rng: np.random.Generator,
+) -> list[Detection]:
+    """The true visible boxes, each side off by up to `jitter` of the box's size."""
+    height, width = view.true_depth.shape
+    limits = np.array([width, height, width, height], dtype=float)
+    detections = []
+    for object_id, mask in zip(object_ids, view.visible, strict=True):
+        box = mask_bounds(mask)
+        size = np.tile(box[2:] - box[:2], 2)
+        box = np.clip(box + rng.uniform(-jitter, jitter, 4) * size, 0.0, limits)
+        detections.append(Detection(object_id, box, float(rng.uniform(0.9, 1.0))))
+    return detections
+
+
+def _masks(
+    scene: GeneratedScene, renderer: SceneRenderer, X_WC: Array, camera: CameraPreset
+) -> tuple[Masks, Masks]:
+    """Silhouettes and visible parts of the objects, both (N, height, width)."""
+    labels = renderer.visible_labels(scene.X_WO, X_WC, camera.intrinsics)
+    count = range(len(scene.object_ids))
+    silhouettes = np.stack(
+        [renderer.silhouette(n, scene.X_WO, X_WC, camera.intrinsics) for n in count]
+    )
+    visible = labels == np.arange(len(count))[:, None, None]
+    # An edge pixel may fall to either side when an object is drawn alone.
+    return silhouettes | visible, visible
