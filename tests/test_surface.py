@@ -107,7 +107,7 @@ def test_a_big_object_s_top_is_not_the_table() -> None:
     box = [(TISSUES, resting(TISSUES, np.eye(3), 0.0, 0.0))]
     left, top, right, bottom = synthesize(box).detections[0].box.astype(int)
     around = np.zeros_like(table)
-    rows, columns = slice(top, bottom + 6), slice(left - 6, right + 6)
+    rows, columns = slice(top, bottom + 2), slice(left - 2, right + 2)
     around[rows, columns] = table[rows, columns]
     made = synthesize(box, table=around)
     assert np.count_nonzero(made.masks[0]) > 2 * np.count_nonzero(
