@@ -86,7 +86,7 @@ def test_a_missing_image_is_an_error_when_its_turn_comes(dataset: BopDataset) ->
     path.unlink()
     detections = load(dataset, detection(), detection(image_id=7), detection())
     assert len(detections[3, 0]) == 2
-    with pytest.raises(InputError, match="000007.png: cannot be read"):
+    with pytest.raises(InputError, match=r"000007\.png: cannot be read"):
         detections[3, 7]
 
 
