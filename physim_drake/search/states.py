@@ -43,7 +43,7 @@ class ExpansionConfig:
     resegment_distance: float = 0.008
     min_points: int = 30
     icp: TrimmedIcpConfig = field(
-        default_factory=lambda: TrimmedIcpConfig(keep=0.7, iterations=25)
+        default_factory=lambda: TrimmedIcpConfig(keep=0.7, iterations=25, cutoff=0.01)
     )
     icp_points: int = 400
     settle: SettleConfig = field(default_factory=SettleConfig)
