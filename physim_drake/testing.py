@@ -87,17 +87,15 @@ def compare_poses(
         costs = np.array(
             [[np.linalg.norm(X[:3, 3] - T[:3, 3]) for X in found] for T in X_CO_true]
         ).reshape(len(X_CO_true), len(found))
-        matches = dict(zip(*linear_sum_assignment(costs), strict=True))
+        rows, columns = linear_sum_assignment(costs)
+        matches = dict(zip(rows.tolist(), columns.tolist(), strict=True))
         for n, T in enumerate(X_CO_true):
             if n not in matches:
                 compared.append(Comparison(model.name, None, None))
                 continue
             error = pose_error(T, found[matches[n]], model.symmetry)
-            compared.append(
-                Comparison(
-                    model.name, float(np.degrees(error.geodesic)), error.translation
-                )
-            )
+            angle = float(np.degrees(error.geodesic))
+            compared.append(Comparison(model.name, angle, error.translation))
     return compared
 
 
