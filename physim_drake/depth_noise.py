@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
@@ -23,6 +22,7 @@ from physim_drake.observation import Mask
 from physim_drake.poses import Array, make_pose
 
 _BLUR = 1.5  # px, of what holes on a surface look like
+_JITTER_WIDTH = 1.5  # px, along which an edge is moved alike
 _FAR = 1e6  # m, where nothing is
 
 
@@ -139,10 +139,10 @@ def measure_depth(
         (height, width) float32, m, 0 where nothing was measured.
     """
     z = np.where(depth > 0, depth, _FAR).astype(float)
-    lost = _shadow(z, intrinsics, noise) | _grazing(z, intrinsics, noise, rng)
-    lost |= _bad_surface(color, z.shape, noise, rng)
     edge = _edges(z, noise)
-    z = _jitter_edges(z, noise, rng)
+    lost = _shadow(z, intrinsics, noise) | _grazing(z, edge, intrinsics, noise, rng)
+    lost |= _bad_surface(color, z.shape, noise, rng)
+    z = _jitter_edges(z, edge, noise, rng)
     lost |= edge & (_patches(z.shape, rng) < noise.edge_loss)
     lost |= (z < noise.min_range) | (z > noise.max_range) | (z >= _FAR / 2)
     z = _disturb(z, noise, rng)
@@ -155,9 +155,7 @@ def _disturb(z: Array, noise: DepthNoise, rng: np.random.Generator) -> Array:
     """Adds correlated noise to the disparity and quantises it."""
     scale = noise.focal_length * noise.baseline
     disparity = scale / z
-    error = gaussian_filter(rng.standard_normal(z.shape), noise.correlation)
-    # A Gaussian filter of width w leaves a variance of 1 / (4 pi w^2).
-    error *= np.sqrt(4 * np.pi) * max(noise.correlation, 1 / np.sqrt(4 * np.pi))
+    error = _smooth_noise(z.shape, noise.correlation, rng)
     disparity = disparity + noise.disparity_error * error
     if noise.disparity_step:
         disparity = np.round(disparity / noise.disparity_step) * noise.disparity_step
@@ -183,20 +181,31 @@ def _shadow(z: Array, intrinsics: CameraIntrinsics, noise: DepthNoise) -> Mask:
 
 
 def _grazing(
-    z: Array, intrinsics: CameraIntrinsics, noise: DepthNoise, rng: np.random.Generator
+    z: Array,
+    edge: Mask,
+    intrinsics: CameraIntrinsics,
+    noise: DepthNoise,
+    rng: np.random.Generator,
 ) -> Mask:
-    """Pixels on surfaces that are seen too flat."""
+    """Pixels on surfaces that are seen too flat.
+
+    The normal of z(u, v) = 1 / w(u, v) in pixels: the plane n . p = 1 has n . ray = w,
+    so that n_x = fx dw/du, n_y = fy dw/dv, and n . ray = w gives n_z.
+    """
+    patches = _patches(z.shape, rng)
     if noise.grazing_cosine == 0:
         return np.zeros(z.shape, dtype=bool)
-    rays = intrinsics.rays()
-    points = rays * z[..., None]
-    across, down = np.gradient(points, axis=1), np.gradient(points, axis=0)
-    normals = np.cross(across, down)
-    lengths = np.linalg.norm(normals, axis=2) * np.linalg.norm(rays, axis=2)
-    cosine = np.abs((normals * rays).sum(axis=2)) / np.maximum(lengths, 1e-12)
-    limit = noise.grazing_cosine * (1.0 + _patches(z.shape, rng))
+    w = 1.0 / z
+    n_x = intrinsics.fx * np.gradient(w, axis=1)
+    n_y = intrinsics.fy * np.gradient(w, axis=0)
+    x = (np.arange(z.shape[1]) - intrinsics.cx) / intrinsics.fx
+    y = ((np.arange(z.shape[0]) - intrinsics.cy) / intrinsics.fy)[:, None]
+    n_z = w - n_x * x - n_y * y
+    normal = np.sqrt(n_x**2 + n_y**2 + n_z**2)
+    cosine = w / (normal * np.sqrt(x**2 + y**2 + 1.0))
+    limit = noise.grazing_cosine * (1.0 + patches)
     # The gradient across an edge is no surface; edges have their own loss.
-    return np.asarray((cosine < limit) & ~_edges(z, noise) & (z < _FAR / 2))
+    return np.asarray((cosine < limit) & ~edge & (z < _FAR / 2))
 
 
 def _bad_surface(
@@ -226,25 +235,36 @@ def _edges(z: Array, noise: DepthNoise) -> Mask:
     return np.asarray((step > limit) & (bend > 0.25 * limit))
 
 
-def _jitter_edges(z: Array, noise: DepthNoise, rng: np.random.Generator) -> Array:
+def _jitter_edges(
+    z: Array, edge: Mask, noise: DepthNoise, rng: np.random.Generator
+) -> Array:
     """Takes each pixel from a place a little beside it, which frays the edges."""
-    shift = rng.standard_normal((2, *z.shape))
+    shift = [_smooth_noise(z.shape, _JITTER_WIDTH, rng) for _ in range(2)]
     if noise.edge_jitter == 0:
         return z
-    width = 1.5
-    shift = gaussian_filter(shift, (0.0, width, width)) * np.sqrt(4 * np.pi) * width
-    rows, columns = np.indices(z.shape)
-    source = [
-        np.clip(np.round(index + noise.edge_jitter * shift[k]), 0, z.shape[k] - 1)
-        for k, index in enumerate((rows, columns))
-    ]
-    moved = z[source[0].astype(int), source[1].astype(int)]
     # Elsewhere this would only add noise, and that has its own law.
-    near_edge = cv2.dilate(_edges(z, noise).astype(np.uint8), np.ones((5, 5), np.uint8))
-    return np.where(near_edge > 0, moved, z)
+    near_edge = cv2.dilate(edge.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    here = np.nonzero(near_edge)
+    there = [
+        np.clip(np.round(index + noise.edge_jitter * shift[k][here]), 0, size - 1)
+        for k, (index, size) in enumerate(zip(here, z.shape, strict=True))
+    ]
+    moved = z.copy()
+    moved[here] = z[there[0].astype(int), there[1].astype(int)]
+    return moved
 
 
 def _patches(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Uniform numbers 0..1 (height, width) that are alike in small patches."""
-    field = gaussian_filter(rng.standard_normal(shape), _BLUR)
-    return np.asarray(ndtr(field * np.sqrt(4 * np.pi) * _BLUR))
+    return np.asarray(ndtr(_smooth_noise(shape, _BLUR, rng)), dtype=float)
+
+
+def _smooth_noise(
+    shape: tuple[int, ...], width: float, rng: np.random.Generator
+) -> Array:
+    """Normal numbers (height, width) of unit variance, alike within `width` px."""
+    white = rng.standard_normal(shape, dtype=np.float32)
+    size = 2 * round(4 * width) + 1
+    kernel = cv2.getGaussianKernel(size, max(width, 1e-3))
+    smooth = cv2.sepFilter2D(white, cv2.CV_32F, kernel, kernel)
+    return np.asarray(smooth, dtype=float) / float(np.square(kernel).sum())

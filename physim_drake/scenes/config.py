@@ -44,8 +44,8 @@ class SettlingConfig:
     """
 
     time_step: float = 0.005
-    damping_time: float = 0.15
-    max_time: float = 2.5
+    damping_time: float = 0.1
+    max_time: float = 2.0
     hold_time: float = 0.5
     touching: float = 2e-4
     apart: float = 2e-3

@@ -29,6 +29,8 @@ from physim_drake.scenes.containers import (
 from physim_drake.scenes.placement import NotPlacedError, Placer
 from physim_drake.scenes.plant import NotAtRestError, RestingScene, ScenePlant
 
+_PLACEMENTS = 4  # a set of objects is tried this often before others are drawn
+
 
 @dataclass(frozen=True)
 class GeneratedScene:
@@ -117,18 +119,19 @@ def generate_scene(
             return generate_scene(
                 library, config, seed, write_models(library, Path(folder))
             )
-    container = load_container(config.container)
     rng = np.random.default_rng(seed)
     reasons: Counter[str] = Counter()
-    for tries in range(1, config.max_tries + 1):
-        try:
-            return _try_scene(library, config, container, model_files, rng, tries)
-        except (NotPlacedError, NotAtRestError) as error:
-            reasons[str(error)] += 1
+    tries = 0
+    while tries < config.max_tries:
+        plant, ids = _draw_objects(library, config, model_files, rng)
+        for _ in range(_PLACEMENTS):
+            tries += 1
+            try:
+                return _try_scene(plant, ids, config, rng, tries)
+            except (NotPlacedError, NotAtRestError) as error:
+                reasons[str(error)] += 1
     told = ", ".join(f"{reason} ({n})" for reason, n in reasons.most_common(3))
-    raise PhysimError(
-        f"no scene of level {config.level} in {config.max_tries} tries: {told}"
-    )
+    raise PhysimError(f"no scene of level {config.level} in {tries} tries: {told}")
 
 
 def write_models(library: ObjectLibrary, folder: Path) -> dict[int, Path]:
@@ -139,31 +142,52 @@ def write_models(library: ObjectLibrary, folder: Path) -> dict[int, Path]:
     }
 
 
-def _try_scene(
+def _draw_objects(
     library: ObjectLibrary,
     config: SceneConfig,
-    container: Container,
     model_files: Mapping[int, Path],
     rng: np.random.Generator,
-    tries: int,
-) -> GeneratedScene:
-    count = rng.integers(max(config.min_objects, config.level), config.max_objects + 1)
+) -> tuple[ScenePlant, tuple[int, ...]]:
+    """Some of the objects, and a plant of them."""
+    fewest = max(config.min_objects, config.level)
+    count = rng.integers(fewest, config.max_objects + 1)
     ids = tuple(int(i) for i in rng.permutation(library.ids)[:count])
     plant = ScenePlant(
         [library[i] for i in ids],
         [model_files[i] for i in ids],
-        container,
+        load_container(config.container),
         config.settling,
     )
-    groups = _groups(int(count), config.level)
-    kinds = Placer(plant, container, rng).place(groups)
-    rest = plant.settle()
-    edges = _check_edges(rest, config)
-    levels = interaction_levels(len(ids), edges)
-    if max(levels) != config.level:
-        raise NotAtRestError("another level came out")
+    return plant, ids
+
+
+def _try_scene(
+    plant: ScenePlant,
+    ids: tuple[int, ...],
+    config: SceneConfig,
+    rng: np.random.Generator,
+    tries: int,
+) -> GeneratedScene:
+    container = load_container(config.container)
+    for n in range(len(ids)):
+        plant.park(n)
+    kinds = Placer(plant, container, rng).place(_groups(len(ids), config.level))
+    _check_level(plant.settle(), config)  # leaving a wrong one alone is no use
+    rest = plant.hold()
+    edges, levels = _check_level(rest, config)
     _check_inside(plant, rest, container)
     return GeneratedScene(ids, rest.X_WO, edges, levels, kinds, config.container, tries)
+
+
+def _check_level(
+    rest: RestingScene, config: SceneConfig
+) -> tuple[tuple[Pair, ...], tuple[int, ...]]:
+    """Contacts and levels; rejects a scene that has not the level asked for."""
+    edges = _check_edges(rest, config)
+    levels = interaction_levels(len(rest.X_WO), edges)
+    if max(levels) != config.level:
+        raise NotAtRestError("another level came out")
+    return edges, levels
 
 
 def _groups(count: int, level: int) -> list[Sequence[int]]:

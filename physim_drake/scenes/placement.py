@@ -27,8 +27,8 @@ _MAX_RISE = 0.6  # sine of the steepest slope of an object that leans
 # How often each way of building is tried, in the order of `Placer.place`.
 _WEIGHTS = {
     1: (1.0,),
-    2: (0.3, 0.3, 0.25, 0.15),
-    3: (0.25, 0.25, 0.15, 0.2, 0.15),
+    2: (0.35, 0.35, 0.2, 0.1),
+    3: (0.3, 0.3, 0.1, 0.2, 0.1),
 }
 
 UP = np.array([0.0, 0.0, 1.0])

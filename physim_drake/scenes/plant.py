@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.geometry import SceneGraphConfig
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
@@ -31,6 +32,8 @@ CONTAINER = -1
 """Index of the container in pairs of bodies."""
 
 _CHECK_INTERVAL = 0.05  # s
+_RELAXATION_TIME = 0.02  # s
+_QUIET_CHECKS = 2  # one could be the turning point of a swing
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,10 @@ class ScenePlant:
             ),
             builder,
         )
+        # Overlap is pushed out with this time constant; Drake's 0.1 s creeps.
+        defaults = SceneGraphConfig()
+        defaults.default_proximity_properties.relaxation_time = _RELAXATION_TIME
+        scene_graph.set_config(defaults)
         plant = self._plant
         parser = Parser(plant)
         (instance,) = parser.AddModels(container.sdf)
@@ -147,40 +154,55 @@ class ScenePlant:
         return min([max_distance, *(near[pair] for pair in pairs if pair in near)])
 
     def settle(self) -> RestingScene:
-        """Lets all objects move until they rest, first damped, then left alone.
+        """Lets all objects move, damped, until they rest.
 
         Raises:
-            NotAtRestError: where they do not rest within the limits.
+            NotAtRestError: where they do not in time, or penetrate.
         """
-        config, limits = self._config, self._config.limits
+        config = self._config
         try:
             self._begin()
             self._damp(config.damping_time)
             quiet = 0
-            while quiet < 2:
+            while quiet < _QUIET_CHECKS:
                 if self._root.get_time() > config.max_time:
                     raise NotAtRestError("still moves")
                 self._advance(_CHECK_INTERVAL)
                 quiet = quiet + 1 if self._is_still() else 0
-            start = self.poses()
-            self._damp(np.inf)
-            self._advance(config.hold_time)
         except RuntimeError as error:  # the contact solver did not converge
+            raise NotAtRestError("the contact solver failed") from error
+        return self._resting_scene()
+
+    def hold(self) -> RestingScene:
+        """Leaves a settled scene alone, without damping, and sees whether it stays.
+
+        Raises:
+            NotAtRestError: where an object moves again.
+        """
+        limits = self._config.limits
+        start = self.poses()
+        try:
+            self._damp(np.inf)
+            self._advance(self._config.hold_time)
+        except RuntimeError as error:
             raise NotAtRestError("the contact solver failed") from error
         end = self.poses()
         motion = inverse(start) @ end
+        shift = np.linalg.norm(end[:, :3, 3] - start[:, :3, 3], axis=1)
         if (
-            not np.isfinite(end).all()
-            or not self._is_still()
-            or np.linalg.norm(end[:, :3, 3] - start[:, :3, 3], axis=1).max()
-            > limits.drift
+            not self._is_still()
+            or shift.max() > limits.drift
             or rotation_angle(motion[:, :3, :3]).max() > limits.drift_angle
         ):
             raise NotAtRestError("moves again when left alone")
-        distances = self.distances(config.apart)
-        if min(distances.values(), default=0.0) < -limits.penetration:
+        return self._resting_scene()
+
+    def _resting_scene(self) -> RestingScene:
+        X_WO = self.poses()
+        distances = self.distances(self._config.apart)
+        if min(distances.values(), default=0.0) < -self._config.limits.penetration:
             raise NotAtRestError("objects penetrate")
-        return RestingScene(end, distances, self._root.get_time())
+        return RestingScene(X_WO, distances, self._root.get_time())
 
     def _begin(self) -> None:
         self._plant.SetVelocities(self._context, np.zeros(self._plant.num_velocities()))
