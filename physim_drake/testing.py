@@ -9,8 +9,11 @@ assert_poses_close(estimate, truth, library, max_rotation_deg=3.0)
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -19,7 +22,78 @@ from physim_drake.datasets.bop import GroundTruthPose
 from physim_drake.estimate import SceneEstimate
 from physim_drake.evaluation.pose_errors import pose_error
 from physim_drake.objects import ObjectLibrary
+from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.poses import Array
+from physim_drake.scenes.generation import write_models
+from physim_drake.scenes.recording import DatasetConfig, record_scene
+
+
+@dataclass(frozen=True)
+class ObservedScene:
+    """A generated scene, seen once.
+
+    Attributes:
+        observation: what the camera delivers.
+        detections: boxes as a detector would give them, one an object.
+        ground_truth: the true poses in that camera, in the same order.
+    """
+
+    observation: RgbdObservation
+    detections: tuple[Detection, ...]
+    ground_truth: tuple[GroundTruthPose, ...]
+
+
+def observed_scene(
+    library: ObjectLibrary,
+    level: int = 1,
+    seed: int = 0,
+    objects: tuple[int, int] = (2, 4),
+    noise: bool = True,
+) -> ObservedScene:
+    """Generates a settled scene and looks at it; the same seed gives the same one.
+
+    Args:
+        library: the objects to draw from.
+        level: 1 independent objects, 2 two that depend on each other, 3 three.
+        seed: of all random choices.
+        objects: fewest and most objects.
+        noise: whether the camera errs.
+
+    Raises:
+        InputError: where such a scene is impossible.
+    """
+    base = DatasetConfig()
+    config = replace(
+        base,
+        seed=seed,
+        levels=(level,),
+        min_objects=objects[0],
+        max_objects=objects[1],
+        view=replace(base.view, noise=noise),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        files = write_models(library, Path(folder))
+        record = record_scene(library, config, 1, files)
+    view = record.views[0]
+    truth = tuple(
+        GroundTruthPose(object_id, X_CO, float(visible), level)
+        for object_id, X_CO, visible, level in zip(
+            record.scene.object_ids,
+            view.X_CO,
+            view.visible_fractions,
+            record.scene.levels,
+            strict=True,
+        )
+    )
+    detections = tuple(_detection(entry) for entry in record.detections[0])
+    return ObservedScene(view.observation, detections, truth)
+
+
+def _detection(entry: Mapping[str, Any]) -> Detection:
+    """From an entry of a detections file."""
+    left, top, width, height = entry["bbox"]
+    box = np.array([left, top, left + width, top + height])
+    return Detection(entry["category_id"], box, entry["score"])
 
 
 @dataclass(frozen=True)
