@@ -14,7 +14,7 @@ demo: setup  ## Estimate the example scene; draw it into out/demo/overlay.png.
 
 .PHONY: test
 test: setup lint typecheck  ## Check style, types and behaviour, as CI does.
-	@$(BIN)/pytest
+	@$(BIN)/pytest -n auto --maxprocesses 4
 
 .PHONY: lint
 lint: setup  ## Check style.
