@@ -45,9 +45,9 @@ class DepthNoise:
         grazing_cosine: surfaces whose normal makes a smaller cosine with the ray are
             lost; up to twice that, in part.
         dark_loss: share of pixels lost on surfaces darker than `dark_level`.
-        dark_level: of the colour image, 0..255.
-        shiny_loss: share of pixels lost where colour exceeds `shiny_level`.
-        shiny_level: of the colour image, 0..255.
+        dark_level: brightness by a lamp at the camera, 0..255.
+        shiny_loss: share of pixels lost where brightness exceeds `shiny_level`.
+        shiny_level: brightness that blinds the sensor, 0..255.
         shadow_side: what the second viewpoint cannot see is lost: 1 for one on the
             right, whose shadows lie left of near objects; -1 for one on the left; 0
             for no shadow.
@@ -71,7 +71,7 @@ class DepthNoise:
     dark_loss: float = 0.2
     dark_level: float = 16.0
     shiny_loss: float = 0.15
-    shiny_level: float = 250.0
+    shiny_level: float = 252.0
     shadow_side: int = 1
     extrinsic_angle: float = 5e-4
     extrinsic_shift: float = 2e-4
@@ -123,7 +123,7 @@ def measure_depth(
     intrinsics: CameraIntrinsics,
     noise: DepthNoise,
     rng: np.random.Generator,
-    color: NDArray[np.uint8] | None = None,
+    echo: NDArray[np.uint8] | None = None,
 ) -> DepthImage:
     """What a camera makes of true depth.
 
@@ -133,7 +133,8 @@ def measure_depth(
         noise: the camera's errors; its extrinsic error is not applied here, it moves
             the viewpoint that `depth` is rendered from.
         rng: source of the errors.
-        color: (height, width, 3) RGB, by which dark and shiny surfaces are told.
+        echo: (height, width, 3) RGB by a lamp at the camera, by which dark and shiny
+            surfaces are told; without it there are none.
 
     Returns:
         (height, width) float32, m, 0 where nothing was measured.
@@ -141,7 +142,7 @@ def measure_depth(
     z = np.where(depth > 0, depth, _FAR).astype(float)
     edge = _edges(z, noise)
     lost = _shadow(z, intrinsics, noise) | _grazing(z, edge, intrinsics, noise, rng)
-    lost |= _bad_surface(color, z.shape, noise, rng)
+    lost |= _bad_surface(echo, z.shape, noise, rng)
     z = _jitter_edges(z, edge, noise, rng)
     lost |= edge & (_patches(z.shape, rng) < noise.edge_loss)
     lost |= (z < noise.min_range) | (z > noise.max_range) | (z >= _FAR / 2)
@@ -209,18 +210,18 @@ def _grazing(
 
 
 def _bad_surface(
-    color: NDArray[np.uint8] | None,
+    echo: NDArray[np.uint8] | None,
     shape: tuple[int, ...],
     noise: DepthNoise,
     rng: np.random.Generator,
 ) -> Mask:
     """Pixels on surfaces that reflect too little or too much."""
     patches = _patches(shape, rng)
-    if color is None:
+    if echo is None:
         return np.zeros(shape, dtype=bool)
-    level = color.max(axis=2)
+    level = echo.max(axis=2)
     dark = (level < noise.dark_level) & (patches < noise.dark_loss)
-    shiny = (color.min(axis=2) > noise.shiny_level) & (patches < noise.shiny_loss)
+    shiny = (echo.min(axis=2) > noise.shiny_level) & (patches < noise.shiny_loss)
     return np.asarray(dark | shiny)
 
 

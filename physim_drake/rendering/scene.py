@@ -46,7 +46,7 @@ from physim_drake.rendering.appearance import Appearance, Light
 from physim_drake.scenes.containers import Container
 
 _NEAR, _FAR = 0.05, 8.0
-_ENGINE = "vtk"
+_ENGINE, _PROJECTOR_ENGINE = "vtk", "projector"
 _CONTAINER_LABEL = 0
 _PARKED = RigidTransform([0.0, 0.0, -100.0])
 
@@ -61,11 +61,14 @@ class SceneImages:
         color: (height, width, 3) uint8 RGB.
         depth: (height, width) float32, z in m, 0 where nothing is.
         labels: (height, width) int16: index of the object seen, -1 for none.
+        echo: (height, width, 3) uint8, the colour by the light of a lamp at the camera
+            alone, as a depth camera's projector is one.
     """
 
     color: NDArray[np.uint8]
     depth: DepthImage
     labels: LabelImage
+    echo: NDArray[np.uint8]
 
 
 class SceneRenderer:
@@ -86,7 +89,11 @@ class SceneRenderer:
         graph = SceneGraph()
         builder.AddSystem(graph)
         self._graph: Any = graph
-        self._graph.AddRenderer(_ENGINE, MakeRenderEngineVtk(_params(appearance)))
+        for name, look in (
+            (_ENGINE, appearance),
+            (_PROJECTOR_ENGINE, Appearance.plain()),
+        ):
+            self._graph.AddRenderer(name, MakeRenderEngineVtk(_params(look)))
         self._source = self._graph.RegisterSource("scene")
         self._frames = [self._add_frame("container")]
         self._add_container(container, appearance)
@@ -110,13 +117,11 @@ class SceneRenderer:
         """
         self._set_poses(X_WO, container=True)
         labels = self._labels(X_WC, intrinsics)
-        color = self._query.RenderColorImage(
-            camera=ColorRenderCamera(_core(intrinsics)),
-            parent_frame=self._graph.world_frame_id(),
-            X_PC=RigidTransform(X_WC),
-        )
         return SceneImages(
-            np.array(color.data[:, :, :3]), self._depth(X_WC, intrinsics), labels
+            self._color(X_WC, intrinsics, _ENGINE),
+            self._depth(X_WC, intrinsics),
+            labels,
+            self._color(X_WC, intrinsics, _PROJECTOR_ENGINE),
         )
 
     def render_depth(
@@ -160,6 +165,16 @@ class SceneRenderer:
         labels = np.array(image.data[:, :, 0], dtype=np.int16) - 1
         labels[labels >= len(self._frames) - 1] = -1  # empty space
         return labels
+
+    def _color(
+        self, X_WC: Array, intrinsics: CameraIntrinsics, engine: str
+    ) -> NDArray[np.uint8]:
+        image = self._query.RenderColorImage(
+            camera=ColorRenderCamera(_core(intrinsics, engine)),
+            parent_frame=self._graph.world_frame_id(),
+            X_PC=RigidTransform(X_WC),
+        )
+        return np.array(image.data[:, :, :3])
 
     def _depth(self, X_WC: Array, intrinsics: CameraIntrinsics) -> DepthImage:
         image = self._query.RenderDepthImage(
@@ -228,7 +243,7 @@ def _light(light: Light) -> LightParameter:
     )
 
 
-def _core(intrinsics: CameraIntrinsics) -> RenderCameraCore:
+def _core(intrinsics: CameraIntrinsics, engine: str = _ENGINE) -> RenderCameraCore:
     # Drake's pixel centres lie at half integers.
     info = CameraInfo(
         width=intrinsics.width,
@@ -238,4 +253,4 @@ def _core(intrinsics: CameraIntrinsics) -> RenderCameraCore:
         center_x=intrinsics.cx + 0.5,
         center_y=intrinsics.cy + 0.5,
     )
-    return RenderCameraCore(_ENGINE, info, ClippingRange(_NEAR, _FAR), RigidTransform())
+    return RenderCameraCore(engine, info, ClippingRange(_NEAR, _FAR), RigidTransform())

@@ -24,9 +24,8 @@ from physim_drake.errors import PhysimError
 from physim_drake.files import cannot_write
 from physim_drake.objects import ObjectLibrary
 from physim_drake.rendering.appearance import Appearance
-from physim_drake.rendering.scene import SceneRenderer
 from physim_drake.scenes.config import SceneConfig
-from physim_drake.scenes.containers import ContainerName, load_container
+from physim_drake.scenes.containers import ContainerName
 from physim_drake.scenes.directives import directives_text
 from physim_drake.scenes.generation import GeneratedScene, generate_scene
 from physim_drake.scenes.views import (
@@ -35,6 +34,7 @@ from physim_drake.scenes.views import (
     ViewConfig,
     find_view,
     jittered_detections,
+    make_renderer,
     render_view,
 )
 
@@ -156,11 +156,8 @@ def _look_at(
     model_files: Mapping[int, Path],
     rng: np.random.Generator,
 ) -> SceneRecord:
-    renderer = SceneRenderer(
-        [model_files[i].with_suffix(".obj") for i in scene.object_ids],
-        load_container(scene.container),
-        Appearance.draw(rng),
-    )
+    visuals = [model_files[i].with_suffix(".obj") for i in scene.object_ids]
+    renderer = make_renderer(scene, visuals, Appearance.draw(rng))
     view_config = config.view
     views, detections = [], []
     for _ in range(config.views):

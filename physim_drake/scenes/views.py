@@ -157,7 +157,7 @@ def render_view(
     seen = images.depth
     if not np.array_equal(X_WD, X_WC):
         seen = renderer.render_depth(scene.X_WO, X_WD, camera.intrinsics)
-    depth = measure_depth(seen, camera.intrinsics, noise, rng, images.color)
+    depth = measure_depth(seen, camera.intrinsics, noise, rng, images.echo)
     color = images.color
     if color_noise is not None:
         color = expose(color, color_noise, rng)
