@@ -11,6 +11,7 @@ and the rest rigid.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,7 +42,7 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, EventStatus
+from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
@@ -150,7 +151,8 @@ class Settler:
             for n, other in enumerate(others)
         ]
         self._plant.Finalize()
-        self._simulator = Simulator(builder.Build())
+        self._diagram = builder.Build()
+        self._simulator = Simulator(self._diagram)
         self._root = self._simulator.get_mutable_context()
         self._context = self._plant.GetMyMutableContextFromRoot(self._root)
         self._radius = model.diameter / 2
@@ -165,58 +167,42 @@ class Settler:
         for n, slot in enumerate(self._slots):
             pose = RigidTransform(placed[n]) if n in placed else _PARKED
             slot.SetPoseInParentFrame(self._context, pose)
-        start = RigidTransform(X_SO)
-        self._joint.SetPose(self._context, start)
+        self._joint.SetPose(self._context, RigidTransform(X_SO))
         self._plant.SetVelocities(self._context, np.zeros(6))
         self._root.SetTime(0.0)
-        watch = _RestWatch(self._plant, self._body, self._radius, start, self._config)
-        self._simulator.set_monitor(watch)
         try:
-            self._simulator.Initialize()
-            self._simulator.AdvanceTo(self._config.max_time)
+            at_rest, lost = self._advance(X_SO[:3, 3])
         except RuntimeError:  # the contact solver did not converge
             return Settled(X_SO, at_rest=False, lost=True, time=self._root.get_time())
         pose = self._plant.EvalBodyPoseInWorld(self._context, self._body)
-        X = pose.GetAsMatrix4()
-        lost = watch.lost or not np.isfinite(X).all()
-        return Settled(X, watch.at_rest and not lost, lost, self._root.get_time())
+        return Settled(pose.GetAsMatrix4(), at_rest, lost, self._root.get_time())
 
+    def _advance(self, start: Array) -> tuple[bool, bool]:
+        """Steps until the body rests or is lost; says which, or neither in time.
 
-class _RestWatch:
-    """A simulator's monitor that stops it when the body rests or is lost."""
-
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        body: RigidBody,
-        radius: float,
-        start: RigidTransform,
-        config: SettleConfig,
-    ) -> None:
-        self._plant, self._body, self._radius = plant, body, radius
-        self._start, self._config = start.translation(), config
-        self._quiet = 0
-        self.at_rest = False
-        self.lost = False
-
-    def __call__(self, root: object) -> EventStatus:
-        context = self._plant.GetMyContextFromRoot(root)
-        if context.get_time() == 0.0:
-            return EventStatus.DidNothing()
-        velocity = self._plant.EvalBodySpatialVelocityInWorld(context, self._body)
-        speed = max(
-            float(np.linalg.norm(velocity.translational())),
-            float(np.linalg.norm(velocity.rotational())) * self._radius,
-        )
-        self._quiet = self._quiet + 1 if speed < self._config.rest_speed else 0
-        if self._quiet >= self._config.rest_steps:
-            self.at_rest = True
-            return EventStatus.ReachedTermination(self._plant, "at rest")
-        position = self._plant.EvalBodyPoseInWorld(context, self._body).translation()
-        if np.linalg.norm(position - self._start) > self._config.lost_distance:
-            self.lost = True
-            return EventStatus.ReachedTermination(self._plant, "left the scene")
-        return EventStatus.DidNothing()
+        A loop costs no more than a simulator's monitor, and runs no Python (nor its
+        garbage collector) in the midst of a step.
+        """
+        config = self._config
+        self._simulator.Initialize()
+        quiet = 0
+        for step in range(1, math.ceil(config.max_time / config.time_step) + 1):
+            self._simulator.AdvanceTo(step * config.time_step)
+            velocity = self._plant.EvalBodySpatialVelocityInWorld(
+                self._context, self._body
+            )
+            speed = max(
+                float(np.linalg.norm(velocity.translational())),
+                float(np.linalg.norm(velocity.rotational())) * self._radius,
+            )
+            quiet = quiet + 1 if speed < config.rest_speed else 0
+            if quiet >= config.rest_steps:
+                return True, False
+            pose = self._plant.EvalBodyPoseInWorld(self._context, self._body)
+            # Written so that a pose that is not finite counts as lost.
+            if not np.linalg.norm(pose.translation() - start) <= config.lost_distance:
+                return False, True
+        return False, False
 
 
 def _add_body(plant: MultibodyPlant, name: str, model: ObjectModel) -> RigidBody:
