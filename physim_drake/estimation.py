@@ -65,6 +65,8 @@ class EstimationConfig:
         search: budget and constants of the tree search.
         steps: settings of the steps that run in workers.
         min_segment_points: an object with fewer points is reported as not found.
+        tie: refined states whose fine costs differ by less than this share explain
+            the image equally well; the one nearest to rest is taken.
         rounds: a group is searched at most this often, with new hypotheses for
             objects that the image does not confirm; 1 is the paper's way.
         confirmed: the confidence from which on an object is.
@@ -76,6 +78,7 @@ class EstimationConfig:
     search: SearchConfig = field(default_factory=SearchConfig)
     steps: WorkerConfig = field(default_factory=WorkerConfig)
     min_segment_points: int = 30
+    tie: float = 0.01
     rounds: int = 2
     confirmed: float = 0.8
 
@@ -259,7 +262,7 @@ class PoseEstimator:
             ]
             refined = self._pool.map("refine", [(state,) for state in states])
             clock.lap("refinement")
-            state, cost = min(refined, key=lambda r: r[1])
+            state, cost = self._most_plausible(refined)
             if cost < best_cost:
                 best, best_cost = state, cost
             confidence = self._pool.map("confidences", [(best,)])[0]
@@ -282,6 +285,21 @@ class PoseEstimator:
                 for k in order
             }
         return best
+
+    def _most_plausible(
+        self, refined: Sequence[tuple[dict[int, Array], float]]
+    ) -> tuple[dict[int, Array], float]:
+        """The state of least fine cost; physics decides where that hardly differs.
+
+        What hides of an object may fit the image in several ways, but not all of them
+        carry what lies on it.
+        """
+        least = min(cost for _, cost in refined)
+        tied = [r for r in refined if r[1] <= least * (1 + self._config.tie)]
+        if len(tied) == 1:
+            return tied[0]
+        unrest = self._pool.map("unrest", [(state,) for state, _ in tied])
+        return tied[int(np.argmin(unrest))]
 
     def _run_search(
         self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int

@@ -102,6 +102,10 @@ class Worker:
         refined = refiner.refine(placed)
         return refined, refiner.fine_cost(refined)
 
+    def unrest(self, placed: Placement) -> float:
+        """How far a state is from resting, m."""
+        return self.expander.unrest(placed)
+
     def confidences(self, placed: Placement) -> dict[int, float]:
         """How well each placed object is confirmed by the image, 0..1."""
         return self.expander.renderer.confidences(placed)

@@ -6,6 +6,7 @@ Re-segment, align by trimmed ICP, settle by physics, in that order; then draw an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ import numpy as np
 from physim_drake.objects import ObjectModel
 from physim_drake.physics.depenetration import depenetrate
 from physim_drake.physics.settling import Settler
-from physim_drake.poses import Array, inverse, transform_points
+from physim_drake.poses import Array, inverse, rotation_angle, transform_points
 from physim_drake.registration import trimmed_icp
 from physim_drake.registration_model import registration_model
 from physim_drake.rendering.depth import DepthRenderer
@@ -110,6 +111,24 @@ class SceneExpander:
         if settled.lost:
             return freed
         return self._supported(placed, index, freed, settled.X_SO)
+
+    def unrest(self, placed: Placement) -> float:
+        """How far a state is from resting: the farthest that an object settles, m.
+
+        Each object settles alone among the others; what counts is how far any point
+        of it can have moved.
+        """
+        farthest = 0.0
+        for index, X_SO in placed.items():
+            others = {k - (k > index): X for k, X in placed.items() if k != index}
+            settled = self._settler(index).settle(X_SO, others)
+            if settled.lost:
+                return math.inf
+            shift = float(np.linalg.norm(settled.X_SO[:3, 3] - X_SO[:3, 3]))
+            turn = rotation_angle(settled.X_SO[:3, :3].T @ X_SO[:3, :3])
+            radius = self.models[index].diameter / 2
+            farthest = max(farthest, shift + float(turn) * radius)
+        return farthest
 
     def resegment(self, placed: Placement, index: int) -> tuple[Array, Array]:
         """The object's points and normals (N, 3), less what placed objects explain."""

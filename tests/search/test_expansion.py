@@ -171,3 +171,13 @@ def test_the_boxes_of_the_stack_overlap() -> None:
     assert lower[0] < upper[2]
     assert upper[0] < lower[2]
     assert [d.object_id for d in made().detections] == [ERASER, SOAP]
+
+
+def test_the_truth_is_nearly_at_rest() -> None:
+    assert expander().unrest(dict(enumerate(made().X_SO))) < 0.003
+
+
+def test_a_state_whose_top_lacks_support_is_far_from_rest() -> None:
+    true = dict(enumerate(made().X_SO))
+    aside = make_pose(p=[0.08, 0.0, 0.0]) @ true[LOWER]
+    assert expander().unrest(true | {LOWER: aside}) > 0.01
