@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from physim_drake.camera import CameraIntrinsics
 from physim_drake.errors import PhysimError
 from physim_drake.hypotheses.generation import (
     HypothesisConfig,
@@ -55,20 +54,16 @@ class Worker:
 
     def __init__(self, library: ObjectLibrary, config: WorkerConfig) -> None:
         self._library, self._config = library, config
-        self._renderers: dict[CameraIntrinsics, DepthRenderer] = {}
+        self._renderer: DepthRenderer | None = None
         self._expander: SceneExpander | None = None
 
     def set_scene(self, scene: Scene) -> None:
         """Makes `scene` the one that the other calls are about."""
-        if scene.intrinsics not in self._renderers:
-            self._renderers[scene.intrinsics] = DepthRenderer(
-                self._library, scene.intrinsics
-            )
+        # One is kept, for the camera seen last: each holds all models' meshes.
+        if self._renderer is None or self._renderer.intrinsics != scene.intrinsics:
+            self._renderer = DepthRenderer(self._library, scene.intrinsics)
         self._expander = SceneExpander(
-            scene,
-            self._library,
-            self._renderers[scene.intrinsics],
-            self._config.expansion,
+            scene, self._library, self._renderer, self._config.expansion
         )
 
     @property

@@ -23,7 +23,7 @@ from physim_drake.scene import Scene
 from physim_drake.search.states import (
     ExpansionConfig,
     Placement,
-    SceneRenderer,
+    StateRenderer,
     composite,
 )
 
@@ -47,7 +47,7 @@ class RolloutResult:
 
     Attributes:
         poses: X_SO of each added object after alignment and settling.
-        score: C of the final state; 0 where an object was lost.
+        score: C of the final state.
     """
 
     poses: tuple[Array, ...]
@@ -74,7 +74,7 @@ class SceneExpander:
         self.scene = scene
         self._config = config
         self.models = [models[object_id] for object_id in scene.object_ids]
-        self.renderer = SceneRenderer(scene, renderer, config.epsilon)
+        self.renderer = StateRenderer(scene, renderer, config.epsilon)
         self._settlers: dict[int, Settler] = {}
         self._clouds = [self._thinned(k) for k in range(len(scene.segments))]
 
@@ -82,19 +82,15 @@ class SceneExpander:
         """Places the rollout's objects one after the other and scores the end."""
         placed = dict(rollout.placed)
         for index, X_SO in rollout.steps:
-            X = self.expand(placed, index, X_SO)
-            if X is None:
-                return RolloutResult(tuple(h for _, h in rollout.steps), 0)
-            placed[index] = X
+            placed[index] = self.expand(placed, index, X_SO)
         score = self.renderer.score(self.renderer.image(placed))
         return RolloutResult(tuple(placed[index] for index, _ in rollout.steps), score)
 
-    def expand(self, placed: Placement, index: int, X_SO: Array) -> Array | None:
+    def expand(self, placed: Placement, index: int, X_SO: Array) -> Array:
         """The pose an object takes, from a hypothesis, among those placed.
 
         Returns:
-            X_SO (4, 4), or None where it left the scene and nothing speaks for where
-            it was.
+            X_SO (4, 4); where the object left the scene, it stays where it was aligned.
         """
         config = self._config
         points, normals = self.resegment(placed, index)

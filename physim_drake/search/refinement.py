@@ -19,7 +19,7 @@ from physim_drake.objects import ObjectModel
 from physim_drake.observation import Mask
 from physim_drake.poses import Array, exp_pose, inverse, transform_points
 from physim_drake.registration_model import registration_model
-from physim_drake.search.states import Placement, SceneRenderer
+from physim_drake.search.states import Placement, StateRenderer
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class JointRefiner:
 
     def __init__(
         self,
-        renderer: SceneRenderer,
+        renderer: StateRenderer,
         models: Sequence[ObjectModel],
         config: RefinementConfig = RefinementConfig(),
     ) -> None:

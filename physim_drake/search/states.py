@@ -50,7 +50,7 @@ class ExpansionConfig:
     settle_loss: float = 0.1
 
 
-class SceneRenderer:
+class StateRenderer:
     """Draws states of a scene and scores them, remembering single objects' images.
 
     Args:

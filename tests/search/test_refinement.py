@@ -9,7 +9,7 @@ import pytest
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 from physim_drake.registration_model import registration_model
 from physim_drake.search.refinement import JointRefiner, RefinementConfig
-from physim_drake.search.states import SceneRenderer
+from physim_drake.search.states import StateRenderer
 from tests.synthetic import (
     BOOK,
     TISSUES,
@@ -37,7 +37,7 @@ def made(noise: float = 0.0) -> SyntheticScene:
 def refiner(noise: float = 0.0) -> JointRefiner:
     scene = made(noise).scene()
     models = [library()[k] for k in scene.object_ids]
-    return JointRefiner(SceneRenderer(scene, renderer(), 0.01), models)
+    return JointRefiner(StateRenderer(scene, renderer(), 0.01), models)
 
 
 def truth() -> dict[int, Array]:
@@ -124,7 +124,7 @@ def refined_gap(seen_higher: float, config: RefinementConfig) -> float:
     moved = make_pose(p=[0, 0, seen_higher]) @ X_upper
     scene = synthesize([(lower, X_lower), (upper, moved)], noise=0.0).scene()
     models = [library()[k] for k in scene.object_ids]
-    drawing = SceneRenderer(scene, renderer(), 0.01)
+    drawing = StateRenderer(scene, renderer(), 0.01)
     return gap(JointRefiner(drawing, models, config).refine(truth()))
 
 
@@ -154,7 +154,7 @@ def test_where_the_camera_saw_past_there_is_no_object() -> None:
     for weight in (0.3, 0.0):
         config = RefinementConfig(silhouette_weight=weight)
         models = [library()[BOOK], library()[TISSUES]]
-        drawing = SceneRenderer(made.scene(), renderer(), 0.01)
+        drawing = StateRenderer(made.scene(), renderer(), 0.01)
         refined = JointRefiner(drawing, models, config).refine(slid)
         shifts.append(1e3 * np.linalg.norm((refined[0] - made.X_SO[0])[:3, 3]))
     assert shifts[0] < 2.0

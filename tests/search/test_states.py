@@ -12,7 +12,7 @@ from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.observation import Detection, Segment
 from physim_drake.poses import Array, make_pose
 from physim_drake.scene import Scene
-from physim_drake.search.states import SceneRenderer, composite
+from physim_drake.search.states import StateRenderer, composite
 
 CAMERA = CameraIntrinsics(4, 2, 10.0, 10.0, 1.5, 0.5)
 X_CS = make_pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 1.0])
@@ -54,9 +54,9 @@ def make_scene() -> Scene:
     return Scene(segments, DEPTH, OBSERVED, CAMERA, X_CS)
 
 
-def make_renderer(**kwargs: Any) -> tuple[SceneRenderer, FakeRenderer]:
+def make_renderer(**kwargs: Any) -> tuple[StateRenderer, FakeRenderer]:
     fake = FakeRenderer({7: NEAR, 9: FAR})
-    return SceneRenderer(make_scene(), cast(Any, fake), 0.01, **kwargs), fake
+    return StateRenderer(make_scene(), cast(Any, fake), 0.01, **kwargs), fake
 
 
 BOTH = {0: np.eye(4), 1: np.eye(4)}
