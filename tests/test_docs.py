@@ -64,9 +64,14 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (page.parent / link).exists(), link
 
 
-def test_the_options_of_estimate_are_all_described() -> None:
-    command = typer.main.get_command(app).commands["estimate"]  # type: ignore[attr-defined]
-    options = {o for p in command.params for o in p.opts if o.startswith("--")}
-    section = (ROOT / "docs" / "cli.md").read_text().partition("## estimate")[2]
-    described = set(re.findall(r"^\| `(--[a-z]+)", section, re.MULTILINE))
-    assert described | {"--out", "--help"} == options | {"--help"}
+@pytest.mark.parametrize("name", ["estimate", "generate"])
+def test_the_options_of_a_command_are_all_described(name: str) -> None:
+    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    options = {
+        o for p in command.params for o in p.opts if o.startswith("--") and o != "--out"
+    }
+    page = (ROOT / "docs" / "cli.md").read_text()
+    section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+    described = set(re.findall(r"^\| `(--[a-z-]+)", section, re.MULTILINE))
+    switches = {o.replace("--no-", "--") for o in described}
+    assert switches - {"--help"} == options - {"--help"}
