@@ -44,8 +44,13 @@ def test_python_of_the_documents_runs(
     assert (tmp_path / "out" / "overlay.png").is_file()
 
 
+def test_the_integration_test_of_the_documents_passes() -> None:
+    (text,) = blocks(ROOT / "docs" / "integration-tests.md", "python")
+    exec(compile(text, "integration-tests.md", "exec"), {})
+
+
 def test_every_python_block_is_in_a_tested_page() -> None:
-    tested = {"README.md", "getting-started.md"}
+    tested = {"README.md", "getting-started.md", "integration-tests.md"}
     assert {page.name for page in PAGES if blocks(page, "python")} == tested
 
 
