@@ -5,10 +5,10 @@ One small plant a free object, every other object welded to a frame whose pose i
 parameter of the context, so that placing it costs microseconds and nothing is rebuilt.
 Contact is hydroelastic, the free object compliant and the rest rigid.
 
-The table is a half space on the world body: among moving geometry its unbounded box
-leaves the broad phase's tree without a place to split, which crashes once in many
-thousand steps (Drake 1.51). No joint may be locked here, since contact with world
-geometry would then crash, too.
+The table is a half space on the world body. On a body of its own, welded to the world,
+settling crashed now and then in the update of the broad phase (Drake 1.51; presumably
+its unbounded box upsets the tree of moving geometry). No joint may be locked here,
+since contact with world geometry would then crash, too.
 """
 
 from __future__ import annotations
