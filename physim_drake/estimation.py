@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -113,12 +114,14 @@ class PoseEstimator:
     ) -> None:
         self._library, self._config = library, config
         self._pool = WorkerPool(library, config.steps, config.workers)
+        self._prepared: tuple[tuple[object, ...], SupportSurface, Scene] | None = None
 
     def estimate(
         self,
         observation: RgbdObservation,
         detections: Sequence[Detection],
         surface_height: float | None = None,
+        hypotheses: Sequence[PoseHypotheses] | None = None,
     ) -> SceneEstimate:
         """Estimates the pose of every detected object.
 
@@ -127,6 +130,8 @@ class PoseEstimator:
             detections: one for each object to find.
             surface_height: z of the support surface in the world, m; found in the
                 image if not given.
+            hypotheses: what the method of that name returned for the same arguments,
+                one for each detection; made here if not given.
 
         Raises:
             InputError: where the surface cannot be found, or an object has no model.
@@ -141,11 +146,21 @@ class PoseEstimator:
             for k, segment in enumerate(scene.segments)
             if len(segment.points) >= self._config.min_segment_points
         ]
+        found: dict[int, PoseHypotheses] = {}
+        if hypotheses is not None:
+            given = zip(detections, hypotheses, strict=True)
+            found = {
+                k: h for k, (_, h) in enumerate(given) if k in large and len(h.X_SO)
+            }
+        elif self._config.method is not Method.PCA_ICP:
+            found = self._hypotheses([(k, _NOTHING) for k in large], 0)
+        clock.lap("hypotheses")
         trace: list[SearchTrace] = []
         if self._config.method in (Method.PHYSIM_MCTS, Method.PHYSIM_HEURISTIC):
-            placed = self._search(scene, large, clock, trace)
+            placed = self._search(scene, found, clock, trace)
         else:
-            placed = self._register(scene, large, clock)
+            placed = self._register(scene, large, found)
+            clock.lap("hypotheses")
         confidences = self._pool.map("confidences", [(placed,)])[0]
         clock.lap("refinement")
         objects = tuple(
@@ -181,12 +196,17 @@ class PoseEstimator:
         detections: Sequence[Detection],
         surface_height: float | None,
     ) -> tuple[SupportSurface, Scene]:
+        # `estimate` often follows `hypotheses` with the very same objects.
+        key = (observation, *detections, surface_height)
+        if self._prepared is not None and _same(self._prepared[0], key):
+            return self._prepared[1:]
         if surface_height is None:
             generator = np.random.default_rng(self._config.seed)
             surface = find_support_surface(observation, detections, generator)
         else:
             surface = surface_at_height(observation, surface_height)
-        return surface, prepare_scene(observation, surface, detections)
+        self._prepared = key, surface, prepare_scene(observation, surface, detections)
+        return self._prepared[1:]
 
     def close(self) -> None:
         """Ends the workers."""
@@ -216,13 +236,11 @@ class PoseEstimator:
     def _search(
         self,
         scene: Scene,
-        large: Sequence[int],
+        found: Mapping[int, PoseHypotheses],
         clock: _StageClock,
         trace: list[SearchTrace],
     ) -> dict[int, Array]:
         """Searches each independent group, refines its best states, joins them."""
-        found = self._hypotheses([(k, _NOTHING) for k in large], 0)
-        clock.lap("hypotheses")
         placed: dict[int, Array] = {}
         groups = dependency_graph(scene.segments, scene.X_CS).components
         for component in groups:
@@ -316,20 +334,19 @@ class PoseEstimator:
         return monte_carlo_tree_search(search, generator)
 
     def _register(
-        self, scene: Scene, large: Sequence[int], clock: _StageClock
+        self,
+        scene: Scene,
+        large: Sequence[int],
+        found: Mapping[int, PoseHypotheses],
     ) -> dict[int, Array]:
         """Each object alone: its best hypothesis or principal axes, then ICP."""
         if self._config.method is Method.SUPER4PCS_ICP:
-            starts = {
-                k: h.X_SO[[int(h.lcp.argmax())]]
-                for k, h in self._hypotheses([(k, _NOTHING) for k in large], 0).items()
-            }
+            starts = {k: h.X_SO[[int(h.lcp.argmax())]] for k, h in found.items()}
         else:
             starts = {
                 k: pca_poses(self._library[scene.object_ids[k]], scene.segments[k])
                 for k in large
             }
-        clock.lap("hypotheses")
         placed = {}
         for k, X_SO in starts.items():
             segment = scene.segments[k]
@@ -396,6 +413,11 @@ def estimate_scene(
     """
     with PoseEstimator(library, config) as estimator:
         return estimator.estimate(observation, detections, surface_height)
+
+
+def _same(one: Sequence[object], other: Sequence[object]) -> bool:
+    """Whether two sequences hold the very same objects."""
+    return len(one) == len(other) and all(map(operator.is_, one, other))
 
 
 class _StageClock:

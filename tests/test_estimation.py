@@ -231,6 +231,36 @@ def test_a_given_table_height_is_used() -> None:
     )
 
 
+@pytest.mark.parametrize("method", [Method.PHYSIM_MCTS, Method.SUPER4PCS_ICP])
+def test_hypotheses_made_before_are_used_in_place_of_new_ones(
+    method: Method, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = apart()
+    with PoseEstimator(small_library(), quick(method, rounds=1)) as estimator:
+        fresh = estimator.estimate(made.observation, made.detections)
+        _, hypotheses = estimator.hypotheses(made.observation, made.detections)
+        for name in ("prepare_scene", "find_support_surface"):
+            monkeypatch.delattr(f"physim_drake.estimation.{name}")
+        monkeypatch.delattr("physim_drake.workers.generate_hypotheses")
+        given = estimator.estimate(
+            made.observation, made.detections, hypotheses=hypotheses
+        )
+    assert poses(given) == poses(fresh)
+    assert [o.confidence for o in given.objects] == [
+        o.confidence for o in fresh.objects
+    ]
+
+
+def test_hypotheses_are_one_for_each_detection() -> None:
+    made = apart()
+    with PoseEstimator(small_library(), quick(Method.SUPER4PCS_ICP)) as estimator:
+        _, hypotheses = estimator.hypotheses(made.observation, made.detections)
+        with pytest.raises(ValueError, match="shorter"):
+            estimator.estimate(
+                made.observation, made.detections, hypotheses=hypotheses[:1]
+            )
+
+
 @pytest.mark.parametrize("method", [Method.PHYSIM_MCTS, Method.PCA_ICP])
 def test_nothing_to_find_is_no_error(method: Method) -> None:
     result = estimate_scene(apart().observation, small_library(), [], quick(method))
