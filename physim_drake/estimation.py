@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import operator
 import time
@@ -68,6 +69,8 @@ class EstimationConfig:
         min_segment_points: an object with fewer points is reported as not found.
         tie: refined states whose fine costs differ by less than this share explain
             the image equally well; the one nearest to rest is taken.
+        promising: a state with an object turned over is refined where its fine cost
+            exceeds the best state's by less than this share.
         rounds: a group is searched at most this often, with new hypotheses for
             objects that the image does not confirm; 1 is the paper's way.
         confirmed: the confidence from which on an object is.
@@ -80,6 +83,7 @@ class EstimationConfig:
     steps: WorkerConfig = field(default_factory=WorkerConfig)
     min_segment_points: int = 30
     tie: float = 0.01
+    promising: float = 0.1
     rounds: int = 2
     confirmed: float = 0.8
 
@@ -280,7 +284,7 @@ class PoseEstimator:
             ]
             refined = self._pool.map("refine", [(state,) for state in states])
             clock.lap("refinement")
-            state, cost = self._most_plausible(refined)
+            state, cost = self._turned_over(*self._most_plausible(refined))
             if cost < best_cost:
                 best, best_cost = state, cost
             confidence = self._pool.map("confidences", [(best,)])[0]
@@ -318,6 +322,26 @@ class PoseEstimator:
             return tied[0]
         unrest = self._pool.map("unrest", [(state,) for state, _ in tied])
         return tied[int(np.argmin(unrest))]
+
+    def _turned_over(
+        self, state: dict[int, Array], cost: float
+    ) -> tuple[dict[int, Array], float]:
+        """The state with objects turned over where that explains the image better.
+
+        One at a time, as long as the fine cost falls by more than a tie's share.
+        """
+        while True:
+            found = self._pool.map("turned", [(state, k) for k in state])
+            promising = [
+                turned
+                for turned, turned_cost in itertools.chain.from_iterable(found)
+                if turned_cost < cost * (1 + self._config.promising)
+            ]
+            refined = self._pool.map("refine", [(turned,) for turned in promising])
+            least = min(refined, key=lambda r: r[1], default=(state, cost))
+            if least[1] >= cost * (1 - self._config.tie):
+                return state, cost
+            state, cost = least
 
     def _run_search(
         self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int

@@ -9,8 +9,12 @@ from functools import lru_cache
 from physim_drake.distance_field import DistanceField, build_distance_field
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
+from physim_drake.symmetry import near_symmetries
 
 SURFACE_POINTS = 450
+
+NEARLY = 0.1
+"""Of the diameter: a turned object whose surface is off by less looks much the same."""
 
 
 @dataclass(frozen=True)
@@ -33,3 +37,9 @@ def registration_model(model: ObjectModel) -> RegistrationModel:
     """Tabulates an object; the last 256 are kept."""
     points, normals = model.surface_sample(SURFACE_POINTS)
     return RegistrationModel(build_distance_field(model.mesh), points, normals)
+
+
+@lru_cache(maxsize=256)
+def lookalike_turns(model: ObjectModel) -> Array:
+    """The motions X_OO' (K, 4, 4) after which an object looks much the same."""
+    return near_symmetries(model.mesh, NEARLY * model.diameter, model.symmetry)

@@ -90,12 +90,17 @@ class Worker:
 
     def refine(self, placed: Placement) -> tuple[dict[int, Array], float]:
         """The state refined jointly, and its fine cost in pixels."""
-        expander = self.expander
-        refiner = JointRefiner(
-            expander.renderer, expander.models, self._config.refinement
-        )
+        refiner = self._refiner()
         refined = refiner.refine(placed)
         return refined, refiner.fine_cost(refined)
+
+    def turned(self, placed: Placement, index: int) -> list[tuple[Placement, float]]:
+        """The states with one object turned over, and their fine costs in pixels."""
+        refiner = self._refiner()
+        return [
+            (state, refiner.fine_cost(state))
+            for state in self.expander.turned(placed, index)
+        ]
 
     def unrest(self, placed: Placement) -> float:
         """How far a state is from resting, m."""
@@ -104,6 +109,10 @@ class Worker:
     def confidences(self, placed: Placement) -> dict[int, float]:
         """How well each placed object is confirmed by the image, 0..1."""
         return self.expander.renderer.confidences(placed)
+
+    def _refiner(self) -> JointRefiner:
+        expander = self.expander
+        return JointRefiner(expander.renderer, expander.models, self._config.refinement)
 
 
 class WorkerPool:

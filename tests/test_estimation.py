@@ -15,12 +15,12 @@ from physim_drake.estimation import (
     PoseEstimator,
     estimate_scene,
 )
-from physim_drake.hypotheses.generation import HypothesisConfig
+from physim_drake.hypotheses.generation import HypothesisConfig, PoseHypotheses
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig
 from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection
 from physim_drake.poses import Array, inverse, make_pose, transform_points
-from physim_drake.registration_model import registration_model
+from physim_drake.registration_model import lookalike_turns, registration_model
 from physim_drake.search.tree import SearchConfig
 from physim_drake.workers import WorkerConfig
 from tests.synthetic import (
@@ -34,8 +34,10 @@ from tests.synthetic import (
     library,
     pair_apart,
     pose_error,
+    resting,
     stack,
     synthesize,
+    turned,
 )
 
 SEARCHES = (Method.PHYSIM_MCTS, Method.PHYSIM_HEURISTIC)
@@ -249,6 +251,23 @@ def test_hypotheses_made_before_are_used_in_place_of_new_ones(
     assert [o.confidence for o in given.objects] == [
         o.confidence for o in fresh.objects
     ]
+
+
+def test_an_object_whose_hypotheses_are_all_upside_down_is_turned_over() -> None:
+    coffee = library()[COFFEE]
+    lying = resting(COFFEE, turned("z", 30), 0.0, 0.0)
+    made = synthesize(((COFFEE, lying),), noise=0.5)
+    (turn,) = lookalike_turns(coffee)
+    with PoseEstimator(small_library(), quick(rounds=1)) as estimator:
+        scene, _ = estimator.hypotheses(made.observation, made.detections)
+        wrong = inverse(scene.X_CS) @ inverse(X_WC) @ lying @ turn
+        hypotheses = PoseHypotheses(COFFEE, wrong[None], np.ones(1), np.array([0]))
+        result = estimator.estimate(
+            made.observation, made.detections, hypotheses=[hypotheses]
+        )
+    ((shift, angle),) = errors(made, result)
+    assert shift < 2
+    assert angle < 2
 
 
 def test_hypotheses_are_one_for_each_detection() -> None:

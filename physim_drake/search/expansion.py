@@ -17,7 +17,7 @@ from physim_drake.physics.depenetration import depenetrate
 from physim_drake.physics.settling import Settler
 from physim_drake.poses import Array, inverse, rotation_angle, transform_points
 from physim_drake.registration import trimmed_icp
-from physim_drake.registration_model import registration_model
+from physim_drake.registration_model import lookalike_turns, registration_model
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.scene import Scene
 from physim_drake.search.states import (
@@ -107,6 +107,22 @@ class SceneExpander:
         if settled.lost:
             return freed
         return self._supported(placed, index, freed, settled.X_SO)
+
+    def turned(self, placed: Placement, index: int) -> list[Placement]:
+        """The states in which one object is turned over, aligned to its points anew.
+
+        A bottle on its cap looks much like one on its base: an object is turned by each
+        motion that maps it nearly onto itself.
+        """
+        turns = lookalike_turns(self.models[index])
+        if not len(turns):
+            return []
+        others = {k: X for k, X in placed.items() if k != index}
+        points, normals = self.resegment(others, index)
+        field = registration_model(self.models[index]).distance_field
+        starts = placed[index] @ turns
+        aligned, _ = trimmed_icp(field, starts, points, normals, self._config.icp)
+        return [{**placed, index: X_SO} for X_SO in aligned]
 
     def unrest(self, placed: Placement) -> float:
         """How far a state is from resting: the farthest that an object settles, m.
