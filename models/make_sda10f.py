@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Makes the robot's URDF: ``python -m physim_drake.models.make_sda10f``.
+"""Makes the robot's URDF and meshes: ``python -m physim_drake.models.make_sda10f``.
 
 The same program writes the same files.
 """
@@ -7,6 +7,7 @@ The same program writes the same files.
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.models import SDA10F
+from physim_drake.models.sda10f_looks import COLORS, link_looks
 from physim_drake.models.sda10f_table import (
     Drive,
     JointRow,
@@ -23,7 +25,9 @@ from physim_drake.models.sda10f_table import (
     joints,
     links,
 )
+from physim_drake.models.solids import mtl_text, obj_text
 
+_MATERIALS = "motoman_sda10f.mtl"
 _TURNED: dict[str, Triple] = {
     "x": (0.0, np.pi / 2, 0.0),
     "y": (-np.pi / 2, 0.0, 0.0),
@@ -41,8 +45,13 @@ _REACH = 2  # a link cannot touch the next ones within the limits of its joints
 
 
 def make_robot(folder: Path) -> None:
-    """Writes the URDF into `folder`, which is made if it does not exist."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Writes the URDF and its meshes into `folder`, made if it does not exist."""
+    meshes = folder / "meshes"
+    meshes.mkdir(parents=True, exist_ok=True)
+    for name, patches in link_looks().items():
+        text = obj_text(patches, _MATERIALS)
+        (meshes / f"{name}.obj").write_text(text, encoding="utf-8")
+    (meshes / _MATERIALS).write_text(mtl_text(COLORS), encoding="utf-8")
     (folder / "motoman_sda10f.urdf").write_text(urdf_text(), encoding="utf-8")
 
 
@@ -66,18 +75,17 @@ def urdf_text() -> str:
 
 
 def _link(name: str, row: LinkRow) -> str:
-    color = _numbers((*row.color, 1.0))
-    visuals = [
-        f"    <visual>\n{_placed(shape)}"
-        f'      <material name="{name}"><color rgba="{color}"/></material>\n'
+    mesh = re.sub("arm_(left|right)_", "", name)
+    visual = (
+        "    <visual>\n"
+        f'      <geometry><mesh filename="meshes/{mesh}.obj"/></geometry>\n'
         "    </visual>\n"
-        for shape in row.shapes
-    ]
+    )
     collisions = [
         f"    <collision>\n{_placed(shape)}{_CONTACT}    </collision>\n"
         for shape in row.shapes
     ]
-    body = "".join([_inertial(row), *visuals, *collisions])
+    body = "".join([_inertial(row), visual, *collisions])
     return f'  <link name="{name}">\n{body}  </link>\n'
 
 
@@ -207,8 +215,8 @@ def _numbers(values: Sequence[float] | NDArray[np.float64]) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the program."""
     parser = argparse.ArgumentParser(description="Make the robot's model.")
-    parser.add_argument("folder", nargs="?", type=Path, default=SDA10F)
-    make_robot(parser.parse_args(arguments).folder)
+    parser.add_argument("--out", type=Path, default=SDA10F, help="folder to write to")
+    make_robot(parser.parse_args(arguments).out)
 
 
 if __name__ == "__main__":

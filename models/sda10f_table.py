@@ -79,29 +79,23 @@ class LinkRow:
 
     Attributes:
         mass: kg.
-        color: of the primitives, RGB.
         shapes: collision shapes; mass is spread over them evenly.
     """
 
     mass: float
-    color: Triple
     shapes: tuple[Primitive, ...]
 
 
-BLUE: Triple = (0.06, 0.25, 0.55)
-WHITE: Triple = (0.88, 0.89, 0.90)
-
 # Speed limits are the maker's; see the README for the rest.
-_TORSO = Drive(math.radians(130), 4.5, 500.0, 160.0, 6.0e-5)
+_TORSO = Drive(math.radians(130), 4.5, 400.0, 160.0, 6.0e-5)
 _SHOULDER = Drive(math.radians(170), 10.0, 400.0, 160.0, 6.0e-5)
-_ELBOW = Drive(math.radians(170), 10.0, 240.0, 160.0, 2.6e-5)
-_WRIST = Drive(math.radians(200), 12.0, 90.0, 120.0, 1.0e-5)
-_FLANGE = Drive(math.radians(400), 24.0, 40.0, 80.0, 1.0e-5)
+_ELBOW = Drive(math.radians(170), 10.0, 170.0, 160.0, 2.6e-5)
+_WRIST = Drive(math.radians(200), 12.0, 60.0, 120.0, 1.0e-5)
+_FLANGE = Drive(math.radians(400), 24.0, 30.0, 80.0, 1.0e-5)
 
 _ARM_LINKS: dict[str, LinkRow] = {
     "link_1_s": LinkRow(
         12.73,
-        BLUE,
         (
             Primitive((0.085, 0.125), (0.0, 0.0, 0.1125)),
             Primitive((0.085, 0.105), (0.0, -0.0525, 0.0), "y"),
@@ -109,7 +103,6 @@ _ARM_LINKS: dict[str, LinkRow] = {
     ),
     "link_2_l": LinkRow(
         9.28,
-        WHITE,
         (
             Primitive((0.068, 0.156), (0.0, 0.138, 0.0), "y"),
             Primitive((0.091, 0.1), (0.0, 0.0, 0.05)),
@@ -117,7 +110,6 @@ _ARM_LINKS: dict[str, LinkRow] = {
     ),
     "link_3_e": LinkRow(
         7.10,
-        BLUE,
         (
             Primitive((0.068, 0.121), (0.0, 0.0, 0.1205)),
             Primitive((0.067, 0.085), (0.0, 0.0425, 0.0), "y"),
@@ -125,7 +117,6 @@ _ARM_LINKS: dict[str, LinkRow] = {
     ),
     "link_4_u": LinkRow(
         6.26,
-        WHITE,
         (
             Primitive((0.058, 0.189), (0.0, 0.1445, 0.0), "y"),
             Primitive((0.070, 0.08), (0.0, 0.0, -0.04)),
@@ -133,7 +124,6 @@ _ARM_LINKS: dict[str, LinkRow] = {
     ),
     "link_5_r": LinkRow(
         4.43,
-        BLUE,
         (
             Primitive((0.058, 0.105), (0.0, 0.0, 0.1025)),
             Primitive((0.055, 0.073), (0.0, -0.0365, 0.0), "y"),
@@ -141,13 +131,12 @@ _ARM_LINKS: dict[str, LinkRow] = {
     ),
     "link_6_b": LinkRow(
         3.56,
-        WHITE,
         (
             Primitive((0.056, 0.105), (0.0, 0.1025, 0.0), "y"),
             Primitive((0.057, 0.073), (0.0, 0.0, 0.0365)),
         ),
     ),
-    "link_7_t": LinkRow(0.12, BLUE, (Primitive((0.04, 0.014), (0.0, 0.0, -0.007)),)),
+    "link_7_t": LinkRow(0.12, (Primitive((0.04, 0.014), (0.0, 0.0, -0.007)),)),
 }
 
 _FOOT_HEIGHT = 0.08
@@ -158,15 +147,13 @@ def links() -> dict[str, LinkRow]:
     rows = {
         "torso_base_link": LinkRow(
             109.18,
-            BLUE,
             (
                 Primitive((0.5, 0.5, _FOOT_HEIGHT), (-0.093, 0.0, -1.16)),
-                Primitive((0.30, 0.30, 0.813), (-0.01, 0.0, -0.7135)),
+                Primitive((0.29, 0.29, 0.813), (-0.01, 0.0, -0.7135)),
             ),
         ),
         "torso_link_b1": LinkRow(
             23.86,
-            WHITE,
             (
                 Primitive((0.122, 0.258), (0.1, 0.0, 0.0), "y"),
                 Primitive((0.122, 0.42), (0.0, 0.0, -0.11)),
