@@ -13,7 +13,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from enum import Enum
-from functools import cache, partial, reduce
+from functools import partial, reduce
 from operator import or_
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,6 +25,7 @@ from physim_drake.errors import InputError
 
 T = TypeVar("T")
 
+_twins: dict[type, type] = {}
 _REMEDY = "its fields are those of {}"
 
 
@@ -91,9 +92,14 @@ def parse_typed_yaml(
         raise InputError(source, problem, _REMEDY.format(schema.__name__)) from error
 
 
-@cache
 def _twin(schema: type) -> type:
     """The dataclass with the same fields that the loader can fill."""
+    if schema not in _twins:
+        _twins[schema] = _make_twin(schema)
+    return _twins[schema]
+
+
+def _make_twin(schema: type) -> type:
     hints = typing.get_type_hints(schema)
     fields = [
         (
