@@ -185,10 +185,17 @@ def jittered_detections(
     rng: np.random.Generator,
 ) -> list[Detection]:
     """The true visible boxes, each side off by up to `jitter` of the box's size."""
-    height, width = view.true_depth.shape
+    return jittered_boxes(view.visible, object_ids, jitter, rng)
+
+
+def jittered_boxes(
+    masks: Masks, object_ids: Sequence[int], jitter: float, rng: np.random.Generator
+) -> list[Detection]:
+    """The boxes of masks (N, height, width), disturbed as in `jittered_detections`."""
+    height, width = masks.shape[1:]
     limits = np.array([width, height, width, height], dtype=float)
     detections = []
-    for object_id, mask in zip(object_ids, view.visible, strict=True):
+    for object_id, mask in zip(object_ids, masks, strict=True):
         box = mask_bounds(mask)
         size = np.tile(box[2:] - box[:2], 2)
         box = np.clip(box + rng.uniform(-jitter, jitter, 4) * size, 0.0, limits)
