@@ -89,13 +89,13 @@ def _cup() -> list[Patch]:
     ]
     inside = [(0.014, 0.028), (0.0085, 0.0195), (0.0, 0.0185)]
     radii = [0.0, 0.0, 0.001, 0.0012, 0.0012, 0.002, 0.001, 0.0003, 0.0003, 0.001, 0.0]
-    return [turned(rounded([*outside, *inside], radii, 2), "rubber", 24)]
+    return [turned(rounded([*outside, *inside], radii), "rubber", 24)]
 
 
 def _camera() -> list[Patch]:
     """The case, with round ends, and the four eyes behind the front glass."""
     edge = [(0.0, -0.02005), (0.0, 0.0), (-0.0015, 0.0)]
-    levels = rounded([(-0.0015, -0.02005), *edge], [0.0, 0.0014, 0.0014, 0.0], 2)
+    levels = rounded([(-0.0015, -0.02005), *edge], [0.0, 0.0014, 0.0014, 0.0])
     rings = [_stadium(0.099, 0.023, inset, z) for inset, z in levels]
     case = lofted(rings, "silver", ((0.0, 0.0, -0.02005), (0.0, 0.0, 0.0)))
     front = [_stadium(0.093, 0.017, 0.0, z) for z in (-0.001, 0.0002, 0.0002)]

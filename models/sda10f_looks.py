@@ -37,7 +37,7 @@ class _ArmLink:
 
     Attributes:
         side: +1 where the head is at +y, else -1.
-        head: radius and length of the head.
+        head: radius, radius of its cover, and length of the head.
         neighbor: radius of the head on the other side of the joint's plane.
         tube: its radius.
         neck_end: where along the arm the tube begins.
@@ -47,7 +47,7 @@ class _ArmLink:
     """
 
     side: int
-    head: tuple[float, float]
+    head: tuple[float, float, float]
     neighbor: float
     tube: float
     neck_end: float
@@ -58,24 +58,38 @@ class _ArmLink:
 
 _ARM: dict[str, _ArmLink] = {
     "link_1_s": _ArmLink(
-        -1, (0.085, 0.105), 0.091, 0.085, 0.145, 0.16, 0.015, ("blue", "white")
+        -1, (0.085, 0.079, 0.105), 0.091, 0.085, 0.145, 0.16, 0.015, ("blue", "white")
     ),
     "link_2_l": _ArmLink(
-        1, (0.091, 0.100), 0.085, 0.068, 0.160, 0.216, 0.0, ("white", "blue")
+        1, (0.091, 0.066, 0.100), 0.085, 0.068, 0.160, 0.216, 0.0, ("white", "blue")
     ),
     "link_3_e": _ArmLink(
-        1, (0.067, 0.085), 0.070, 0.068, 0.125, 0.144, 0.037, ("blue", "white")
+        1, (0.067, 0.061, 0.085), 0.070, 0.068, 0.125, 0.144, 0.037, ("blue", "white")
     ),
     "link_4_u": _ArmLink(
-        -1, (0.070, 0.080), 0.067, 0.057, 0.130, 0.239, 0.0, ("white", "blue")
+        -1, (0.070, 0.048, 0.080), 0.067, 0.057, 0.130, 0.239, 0.0, ("white", "blue")
     ),
     "link_5_r": _ArmLink(
-        -1, (0.055, 0.073), 0.057, 0.057, 0.105, 0.121, 0.034, ("blue", "white")
+        -1, (0.055, 0.048, 0.073), 0.057, 0.057, 0.105, 0.121, 0.034, ("blue", "white")
     ),
     "link_6_b": _ArmLink(
-        1, (0.057, 0.073), 0.055, 0.052, 0.105, 0.141, 0.0, ("white", "blue")
+        1, (0.057, 0.051, 0.073), 0.055, 0.052, 0.105, 0.141, 0.0, ("white", "blue")
     ),
 }
+
+# Height, front, back, half width (m), and how square it is.
+_TORSO: tuple[tuple[float, ...], ...] = (
+    (-0.312, 0.119, -0.119, 0.119, 2.0),
+    (-0.27, 0.119, -0.119, 0.119, 2.0),
+    (-0.21, 0.120, -0.116, 0.117, 2.1),
+    (-0.16, 0.130, -0.107, 0.115, 2.4),
+    (-0.12, 0.149, -0.093, 0.114, 2.8),
+    (-0.08, 0.178, -0.076, 0.115, 3.3),
+    (-0.04, 0.206, -0.060, 0.117, 3.6),
+    (0.0, 0.219, -0.048, 0.118, 3.8),
+    (0.04, 0.213, -0.042, 0.118, 3.8),
+    (0.080, 0.187, -0.039, 0.116, 3.8),
+)
 
 
 def link_looks() -> dict[str, list[Patch]]:
@@ -94,19 +108,20 @@ def _arm_link(sizes: _ArmLink) -> list[Patch]:
 
 def _head(sizes: _ArmLink) -> list[Patch]:
     """The barrel beside the joint's plane, its cover with bolts, and the seam."""
-    radius, length = sizes.head
+    radius, lid_radius, length = sizes.head
     body, cover = sizes.colors
-    step = 0.012
+    step = 0.010
     barrel = rounded(
         [
             (radius - 0.004, _GAP),
             (radius, _GAP),
-            (radius, length - step),
-            (radius - 0.010, length - step),
+            (radius, 0.4 * length),
+            (lid_radius + 0.005, length - step),
+            (lid_radius - 0.005, length - step),
         ],
-        [0.0, 0.002, 0.004, 0.0],
+        [0.0, 0.001, 0.3 * length, 0.003, 0.0],
+        3,
     )
-    lid_radius = radius - 0.006
     lid = rounded(
         [(lid_radius, length - step), (lid_radius, length), (0.0, length)],
         [0.0, 0.006, 0.0],
@@ -132,18 +147,19 @@ def _neck(sizes: _ArmLink) -> Patch:
 
     It keeps away from the other link's head, which turns beside this one's.
     """
-    radius, length = sizes.head
+    radius, _, length = sizes.head
     clear = max(sizes.neighbor, radius) + 0.003
-    top, tube = length - 0.014, sizes.tube
+    top, tube = length - 0.020, sizes.tube
     sharp = np.array([0.0, 0.5 * clear, clear])
-    curve = np.linspace(clear, sizes.neck_end, 9)[1:]
+    curve = np.linspace(clear, sizes.neck_end, 8)[1:]
     rings = []
     for z in [*sharp, *curve]:
-        whole, drop = z / sizes.neck_end, (z - clear) / (sizes.neck_end - clear)
+        whole = min(z / (0.72 * sizes.neck_end), 1.0)
+        drop = (z - clear) / (sizes.neck_end - clear)
         upper = _eased(top, tube, whole)
         lower = _eased(_GAP, -tube, max(drop, 0.0))
         width = _eased(0.985 * radius, tube, whole)
-        power = _eased(5.0, 2.0, max(drop, 0.0))
+        power = _eased(3.2, 2.0, whole)
         middle, half = (upper + lower) / 2, (upper - lower) / 2
         rings.append(oval((0.0, sizes.side * middle, z), (width, half), power))
     ends = (rings[0].mean(axis=0), rings[-1].mean(axis=0))
@@ -176,23 +192,19 @@ def _flange() -> list[Patch]:
 
 def _torso() -> list[Patch]:
     """A waist that widens to the shoulders' cross tube, under a lid."""
-    heights = (-0.312, -0.26, -0.20, -0.15, -0.10, -0.05, 0.0, 0.05, 0.080)
-    rings = [_torso_ring(z, 1.0) for z in heights]
+    rings = [_torso_ring(row, 1.0) for row in _TORSO]
     rings += [
-        _torso_ring(0.080 + 0.053 * np.sin(t), 0.45 + 0.55 * np.cos(t))
+        _torso_ring((0.080 + 0.053 * np.sin(t), *_TORSO[-1][1:]), 0.4 + 0.6 * np.cos(t))
         for t in np.linspace(0.0, np.pi / 2, 6)[1:]
     ]
     body = lofted(rings, "white", (None, rings[-1].mean(axis=0)))
     waist = turned([(0.116, -0.32), (0.116, -0.30)], "dark")
-    lid = _block((0.061, 0.0), (0.085, 0.066), 0.120, 0.138, 0.004, "blue")
+    lid = _block((0.074, 0.0), (0.055, 0.058), 0.120, 0.138, 0.004, "blue")
     return [body, waist, lid, *_shoulders()]
 
 
-def _torso_ring(z: float, scale: float) -> Array:
-    t = float(np.clip((z + 0.312) / 0.30, 0.0, 1.0))
-    front, back = _eased(0.120, 0.222, t), _eased(-0.120, -0.10, t)
-    half_width = _eased(0.120, 0.127, t)
-    power = _eased(2.0, 4.5, t)
+def _torso_ring(row: tuple[float, ...], scale: float) -> Array:
+    z, front, back, half_width, power = row
     middle, half = (front + back) / 2, (front - back) / 2
     return oval((middle, 0.0, z), (half * scale, half_width * scale), power, 40)
 

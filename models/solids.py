@@ -49,7 +49,7 @@ class Patch:
         return np.asarray(sums / np.maximum(length, 1e-30))
 
 
-def rounded(corners: ArrayLike, radii: ArrayLike, steps: int = 3) -> Array:
+def rounded(corners: ArrayLike, radii: ArrayLike, steps: int = 2) -> Array:
     """A polyline with its corners rounded off.
 
     Args:
@@ -68,6 +68,9 @@ def rounded(corners: ArrayLike, radii: ArrayLike, steps: int = 3) -> Array:
 def _arc(a: Array, b: Array, c: Array, radius: float, steps: int) -> list[Array]:
     if radius == 0.0:
         return [b, b]
+    before, after = b - a, c - b
+    if abs(before[0] * after[1] - before[1] * after[0]) < _DEGENERATE:
+        return [b]  # no corner
     to_a, to_c = (a - b) / np.linalg.norm(a - b), (c - b) / np.linalg.norm(c - b)
     half = np.arccos(np.clip(to_a @ to_c, -1.0, 1.0)) / 2
     start = b + to_a * radius / np.tan(half)
@@ -79,7 +82,7 @@ def _arc(a: Array, b: Array, c: Array, radius: float, steps: int) -> list[Array]
     ]
 
 
-def turned(profile: ArrayLike, material: str, segments: int = 36) -> Patch:
+def turned(profile: ArrayLike, material: str, segments: int = 32) -> Patch:
     """A surface of revolution about z.
 
     Args:
@@ -104,7 +107,7 @@ def oval(
     center: Sequence[float],
     half_sizes: tuple[float, float],
     power: float,
-    segments: int = 36,
+    segments: int = 32,
 ) -> Array:
     """A superellipse about `center` in a plane of constant z, (segments, 3).
 
