@@ -41,7 +41,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
-from physim_drake.poses import Array
+from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.appearance import Appearance, Light
 from physim_drake.scenes.containers import Container
 
@@ -71,6 +71,21 @@ class SceneImages:
     echo: NDArray[np.uint8]
 
 
+@dataclass(frozen=True)
+class Prop:
+    """A thing in a scene that is none of its objects: seen, but without a label.
+
+    Attributes:
+        shape: Drake's.
+        X_WP: where it is, (4, 4).
+        texture: (height, width, 3) RGB.
+    """
+
+    shape: Shape
+    X_WP: Array
+    texture: NDArray[np.uint8]
+
+
 class SceneRenderer:
     """Renders one set of objects in one container.
 
@@ -78,12 +93,17 @@ class SceneRenderer:
         visuals: a textured OBJ file (m) for each object.
         container: what they stand on or in.
         appearance: lights and surfaces.
+        props: what else is seen.
 
     Holds an OpenGL context; objects can be moved, lights cannot.
     """
 
     def __init__(
-        self, visuals: Sequence[Path], container: Container, appearance: Appearance
+        self,
+        visuals: Sequence[Path],
+        container: Container,
+        appearance: Appearance,
+        props: Sequence[Prop] = (),
     ) -> None:
         builder = DiagramBuilder()
         graph = SceneGraph()
@@ -96,7 +116,12 @@ class SceneRenderer:
             self._graph.AddRenderer(name, MakeRenderEngineVtk(_params(look)))
         self._source = self._graph.RegisterSource("scene")
         self._frames = [self._add_frame("container")]
-        self._add_container(container, appearance)
+        boxes = zip(container.boxes, appearance.textures(container), strict=True)
+        surface = [
+            Prop(Box(*box.size), make_pose(p=box.center), texture)
+            for box, texture in boxes
+        ]
+        self._add_props([*surface, *props])
         for n, path in enumerate(visuals):
             self._frames.append(self._add_frame(f"object_{n}"))
             self._add(self._frames[-1], RigidTransform(), Mesh(path), n + 1, {})
@@ -189,17 +214,16 @@ class SceneRenderer:
     def _add_frame(self, name: str) -> Any:
         return self._graph.RegisterFrame(self._source, GeometryFrame(name))
 
-    def _add_container(self, container: Container, appearance: Appearance) -> None:
+    def _add_props(self, props: Sequence[Prop]) -> None:
+        """Adds what moves with the container and has its label."""
         with tempfile.TemporaryDirectory() as folder:
-            for n, (box, texture) in enumerate(
-                zip(container.boxes, appearance.textures(container), strict=True)
-            ):
+            for n, prop in enumerate(props):
                 path = Path(folder) / f"{n}.png"
-                cv2.imwrite(str(path), texture[..., ::-1])
+                cv2.imwrite(str(path), prop.texture[..., ::-1])
                 self._add(
                     self._frames[0],
-                    RigidTransform(box.center),
-                    Box(*box.size),
+                    RigidTransform(prop.X_WP),
+                    prop.shape,
                     _CONTAINER_LABEL,
                     {"diffuse": Rgba(1.0, 1.0, 1.0, 1.0), "diffuse_map": str(path)},
                 )

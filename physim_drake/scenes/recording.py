@@ -35,6 +35,7 @@ from physim_drake.scenes.views import (
     find_view,
     jittered_detections,
     make_renderer,
+    make_vivid_renderer,
     render_view,
 )
 
@@ -108,7 +109,9 @@ def record_scene(
         )
         scene = generate_scene(library, config.scene(scene_id), seeds[0], model_files)
         try:
-            return _look_at(scene, config, model_files, np.random.default_rng(seeds[1]))
+            return _look_at(
+                scene, library, config, model_files, np.random.default_rng(seeds[1])
+            )
         except NotSeenError:
             continue
     raise PhysimError(
@@ -152,15 +155,22 @@ def write_scene(
 
 def _look_at(
     scene: GeneratedScene,
+    library: ObjectLibrary,
     config: DatasetConfig,
     model_files: Mapping[int, Path],
     rng: np.random.Generator,
 ) -> SceneRecord:
     visuals = [model_files[i].with_suffix(".obj") for i in scene.object_ids]
-    renderer = make_renderer(scene, visuals, Appearance.draw(rng))
     view_config = config.view
+    if not view_config.vivid:
+        renderer = make_renderer(scene, visuals, Appearance.draw(rng))
     views, detections = [], []
     for _ in range(config.views):
+        if view_config.vivid:
+            models = [library[i] for i in scene.object_ids]
+            renderer = make_vivid_renderer(
+                scene, visuals, models, view_config.distractors, rng
+            )
         X_WC = find_view(scene, renderer, view_config, rng)
         view = render_view(
             scene,

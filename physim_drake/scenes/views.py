@@ -15,10 +15,13 @@ from physim_drake.camera_presets import PRESETS, CameraName, CameraPreset
 from physim_drake.color_noise import ColorNoise, expose
 from physim_drake.datasets.bop import mask_bounds
 from physim_drake.depth_noise import DepthNoise, measure_depth
+from physim_drake.objects import ObjectModel
 from physim_drake.observation import Detection, RgbdObservation
-from physim_drake.poses import Array, inverse, make_pose
+from physim_drake.poses import Array, inverse, make_pose, transform_points
 from physim_drake.rendering.appearance import Appearance
-from physim_drake.rendering.scene import SceneRenderer
+from physim_drake.rendering.scene import Prop, SceneRenderer
+from physim_drake.rendering.vivid import draw_appearance
+from physim_drake.scenes.clutter import draw_distractors, draw_room
 from physim_drake.scenes.containers import Container, load_container
 from physim_drake.scenes.generation import GeneratedScene
 
@@ -37,6 +40,11 @@ class ViewConfig:
         max_roll: of the camera about its axis, rad.
         max_tries: a view that hides or cuts off an object is drawn again, this often.
         box_jitter: detected boxes are off by up to this share of their size, a side.
+        height: range of the camera's height, m, within the container's elevations;
+            replaces `distance`.
+        vivid: lights, surfaces and a room are drawn from a wide range, anew for each
+            view, to learn from; else one appearance as of a laboratory is kept.
+        distractors: a vivid view has up to this many things beside the objects.
     """
 
     camera: CameraName = CameraName.D415
@@ -46,6 +54,9 @@ class ViewConfig:
     max_roll: float = 0.1
     max_tries: int = 40
     box_jitter: float = 0.06
+    height: tuple[float, float] | None = None
+    vivid: bool = False
+    distractors: int = 0
 
     @property
     def preset(self) -> CameraPreset:
@@ -91,7 +102,10 @@ def draw_camera(
     """A pose X_WC (4, 4) that looks at the middle of the objects."""
     azimuth = rng.uniform(*container.azimuth)
     elevation = rng.uniform(*container.elevation)
-    distance = rng.uniform(*config.distance)
+    if config.height is None:
+        distance = rng.uniform(*config.distance)
+    else:
+        distance = rng.uniform(*config.height) / np.sin(elevation)
     target = scene.X_WO[:, :3, 3].mean(axis=0) + rng.uniform(-0.03, 0.03, 3)
     backward = np.array(
         [
@@ -172,10 +186,41 @@ def render_view(
 
 
 def make_renderer(
-    scene: GeneratedScene, visuals: Sequence[Path], appearance: Appearance
+    scene: GeneratedScene,
+    visuals: Sequence[Path],
+    appearance: Appearance,
+    props: Sequence[Prop] = (),
 ) -> SceneRenderer:
     """A renderer of a scene; `visuals` are textured OBJ files of its objects."""
-    return SceneRenderer(visuals, load_container(scene.container), appearance)
+    return SceneRenderer(visuals, load_container(scene.container), appearance, props)
+
+
+def make_vivid_renderer(
+    scene: GeneratedScene,
+    visuals: Sequence[Path],
+    objects: Sequence[ObjectModel],
+    distractors: int,
+    rng: np.random.Generator,
+) -> SceneRenderer:
+    """A renderer of a scene with other lights, surfaces and things around each time.
+
+    Args:
+        scene: the scene.
+        visuals: textured OBJ files of its objects.
+        objects: their models.
+        distractors: up to this many.
+        rng: source of all choices.
+    """
+    circles = []
+    for model, X_WO in zip(objects, scene.X_WO, strict=True):
+        xy = transform_points(X_WO, model.mesh.vertices)[:, :2]
+        middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
+        circles.append([*middle, np.linalg.norm(xy - middle, axis=1).max()])
+    height = load_container(scene.container).height
+    props = draw_distractors(np.array(circles), distractors, height, rng)
+    return make_renderer(
+        scene, visuals, draw_appearance(rng), [*props, *draw_room(rng)]
+    )
 
 
 def jittered_detections(
