@@ -70,6 +70,7 @@ class PickCandidate:
         confidence: the estimate's, 0..1.
         p_O: the suction point, (3,), m.
         quality: of the suction point, 0..1.
+        dome: the cup must be pressed on by this much before its lip lies on, m.
         X_WG: the cup's pose at contact, (4, 4): origin on the surface, z into it; the
             turn about z is arbitrary.
         tilt: of the cup's axis from the vertical, rad.
@@ -86,6 +87,7 @@ class PickCandidate:
     confidence: float
     p_O: Array
     quality: float
+    dome: float
     X_WG: Array
     tilt: float
     clearance: float
@@ -214,6 +216,7 @@ def object_candidates(
             target.confidence,
             points.positions[n],
             float(points.quality[n]),
+            max(float(points.dome[n]), 0.0),
             X_WG[n],
             float(tilts[n]),
             float(clearance[n]),

@@ -34,8 +34,7 @@ class SuctionCup:
 
     Attributes:
         lip_radius: of the lip's ring, m.
-        conformity: the lip follows a surface that leaves its plane by this much, peak
-            to valley, m.
+        conformity: the lip follows a surface that leaves its mean plane by no more, m.
         depth: a dome under the cup may be this high over the lip's plane, m.
         margin: distance of the lip from an edge that is wished for, as an estimated
             pose errs; a point whose margin is zero is still one, of low quality, m.
@@ -45,10 +44,10 @@ class SuctionCup:
     """
 
     lip_radius: float = 0.015
-    conformity: float = 0.0035
-    depth: float = 0.006
+    conformity: float = 0.002
+    depth: float = 0.005
     margin: float = 0.006
-    holding_force: float = 30.0
+    holding_force: float = 35.0
     samples: int = 500
     spacing: float = 0.008
 
@@ -60,6 +59,8 @@ class SuctionPoints:
     Attributes:
         positions: on the surface under the cup's centre, p_O (N, 3), m.
         normals: outward axis of the cup, unit, (N, 3).
+        dome: height of the surface under the cup's centre over the lip's plane, (N,),
+            m; the cup must be pressed on by as much before its lip lies on.
         quality: 0..1, (N,): the product of the three below.
         flatness: 1 where the surface under the lip is plane, 0 at the conformity.
         leverage: 1 where the cup's axis meets the centre of mass, 0 where the weight,
@@ -70,6 +71,7 @@ class SuctionPoints:
 
     positions: Array
     normals: Array
+    dome: Array
     quality: Array
     flatness: Array
     leverage: Array
@@ -96,7 +98,8 @@ def suction_points(model: ObjectModel, cup: SuctionCup = SuctionCup()) -> Suctio
     ring = surface_heights(
         model.mesh, positions, normals, _ring(cup.lip_radius), _RAY_REACH
     )
-    gap = np.ptp(ring, axis=1)  # NaN where a ray found nothing
+    # NaN where a ray found nothing; comparisons with it are false.
+    gap = np.abs(ring - ring.mean(axis=1, keepdims=True)).max(axis=1)
     dome = -ring.mean(axis=1)
     seals = tilted & (gap < cup.conformity) & (dome < cup.depth)
     positions, normals = positions[seals], normals[seals]
@@ -105,7 +108,7 @@ def suction_points(model: ObjectModel, cup: SuctionCup = SuctionCup()) -> Suctio
     margin = _margin(model, cup, positions, normals)
     quality = np.sqrt(flatness) * leverage * margin
     keep = _spread(positions, normals, quality, cup.spacing)
-    parts = (positions, normals, quality, flatness, leverage, margin)
+    parts = (positions, normals, dome[seals], quality, flatness, leverage, margin)
     chosen = [np.ascontiguousarray(part[keep]) for part in parts]
     for part in chosen:
         part.flags.writeable = False
@@ -179,7 +182,7 @@ def _margin(
             model.mesh, positions, normals, _ring(radius), _RAY_REACH
         )
         expected = lip * (radius / cup.lip_radius) ** 2
-        held &= (np.abs(ring - expected) < cup.conformity).all(axis=1)
+        held &= (np.abs(ring - expected) < 2 * cup.conformity).all(axis=1)
         margin[held] = step
     return np.asarray(0.3 + 0.7 * margin)
 

@@ -124,7 +124,8 @@ def tool_clearance(
         (N,), m, negative where the tool is in something. It is taken at points of the
         tool's surface 1 cm apart, so something slender may be nearer.
     """
-    p_W = transform_points(X_WG, tool.points()).reshape(-1, 3)
+    points = tool.points()
+    p_W = transform_points(X_WG, points).reshape(-1, 3)
     nearest = np.full(len(p_W), largest)
     for item in others:
         field = registration_model(item.model).distance_field
@@ -132,4 +133,4 @@ def tool_clearance(
         nearest = np.minimum(nearest, d)
     for wall in walls:
         nearest = np.minimum(nearest, wall.distances(p_W))
-    return np.asarray(nearest.reshape(len(X_WG), -1).min(axis=1))
+    return np.asarray(nearest.reshape(len(X_WG), len(points)).min(axis=1))

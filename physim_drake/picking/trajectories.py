@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""Timed motions of the arm: smooth paths, as fast as the joints' limits allow.
+
+A polyline becomes a cubic B-spline whose control points lie close together on it. Such
+a spline is twice continuously differentiable, follows straight stretches exactly and
+cuts a corner by less than a third of the spacing of the control points. Toppra (Pham
+and Pham, "A new approach to time-optimal path parameterization", T-RO 2018) times it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from pydrake.math import BsplineBasis, KnotVectorType
+from pydrake.multibody.optimization import CalcGridPointsOptions, Toppra
+from pydrake.trajectories import (
+    BsplineTrajectory,
+    PathParameterizedTrajectory,
+    PiecewisePolynomial,
+)
+from scipy.interpolate import CubicHermiteSpline
+
+from physim_drake.picking.planning_scene import PlanningScene
+from physim_drake.poses import Array
+
+_SPACINGS = (0.2, 0.1, 0.05, 0.025, 0.0125)
+"""m of motion between control points; wide ones make fast corners."""
+
+_SAMPLE_PERIOD = 0.01  # s
+_MIN_DURATION = 0.02  # s
+
+
+@dataclass(frozen=True)
+class ArmTrajectory:
+    """A motion of the planned joints, from rest to rest.
+
+    Attributes:
+        joints: their names.
+        times: (T,), s, from 0.
+        q: (T, n), rad.
+        v: (T, n), rad/s; in between, cubic Hermite interpolation.
+    """
+
+    joints: tuple[str, ...]
+    times: Array
+    q: Array
+    v: Array
+
+    @property
+    def duration(self) -> float:
+        """Of the whole motion, s."""
+        return float(self.times[-1])
+
+    @property
+    def start(self) -> Array:
+        """The first configuration, (n,)."""
+        return np.array(self.q[0])
+
+    @property
+    def end(self) -> Array:
+        """The last configuration, (n,)."""
+        return np.array(self.q[-1])
+
+    def value(self, t: float | Array) -> Array:
+        """Configurations at times `t` (...), held beyond both ends, (..., n)."""
+        return np.asarray(self._spline()(np.clip(t, 0.0, self.duration)))
+
+    def velocity(self, t: float | Array) -> Array:
+        """Velocities at times `t` (...), rad/s, 0 beyond both ends, (..., n)."""
+        inside = (np.asarray(t) >= 0) & (np.asarray(t) <= self.duration)
+        return np.asarray(np.where(inside[..., None], self._spline()(t, 1), 0.0))
+
+    def to_drake(self) -> PiecewisePolynomial:
+        """The same as a trajectory for Drake's `TrajectorySource`."""
+        return PiecewisePolynomial.CubicHermite(self.times, self.q.T, self.v.T)
+
+    def _spline(self) -> CubicHermiteSpline:
+        return CubicHermiteSpline(self.times, self.q, self.v)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a motion may be.
+
+    Attributes:
+        speed: share of the joints' speed limits.
+        acceleration: share of their acceleration limits.
+        line_speed: of the tool frame's origin, m/s; None for no limit.
+    """
+
+    speed: float
+    acceleration: float
+    line_speed: float | None = None
+
+
+def rest_trajectory(scene: PlanningScene, q: Array) -> ArmTrajectory:
+    """A motion that stays where it is."""
+    times = np.array([0.0, _MIN_DURATION])
+    return ArmTrajectory(
+        scene.config.joints, times, np.tile(q, (2, 1)), np.zeros((2, len(q)))
+    )
+
+
+def smooth_trajectory(
+    scene: PlanningScene, path: Array, pace: Pace
+) -> ArmTrajectory | None:
+    """Rounds the corners of a free polyline and times it.
+
+    Args:
+        scene: robot and obstacles, with its paddings set.
+        path: (N, n), free along all edges.
+        pace: how fast.
+
+    Returns:
+        the motion; None where no rounding is free, or the timing fails.
+    """
+    if scene.distance(path[0], path[-1]) < 1e-6 and len(path) == 2:
+        return rest_trajectory(scene, path[0])
+    for spacing in _SPACINGS:
+        controls = _control_points(scene, path, spacing)
+        spline = _spline(controls)
+        if len(path) == 2 or _spline_free(scene, spline):
+            return _timed(scene, spline, pace)
+    return None
+
+
+def line_trajectory(
+    scene: PlanningScene, path: Array, pace: Pace
+) -> ArmTrajectory | None:
+    """Times a dense path that is smooth already; its points are the control points.
+
+    Args:
+        scene: the robot.
+        path: (N, n), neighbours close together.
+        pace: how fast.
+    """
+    return _timed(scene, _spline(_at_least_four(path)), pace)
+
+
+def _control_points(scene: PlanningScene, path: Array, spacing: float) -> Array:
+    points = [path[:1]]
+    for a, b in pairwise(path):
+        count = max(int(np.ceil(scene.distance(a, b) / spacing)), 1)
+        points.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+    return _at_least_four(np.concatenate(points))
+
+
+def _at_least_four(points: Array) -> Array:
+    """A cubic spline has four control points or more; short paths are subdivided."""
+    while len(points) < 4:
+        middle = (points[:-1] + points[1:]) / 2
+        points = np.insert(points, np.arange(1, len(points)), middle, axis=0)
+    return points
+
+
+def _spline(controls: Array) -> BsplineTrajectory:
+    basis = BsplineBasis(4, len(controls), KnotVectorType.kClampedUniform, 0.0, 1.0)
+    return BsplineTrajectory(basis, controls.T)
+
+
+def _spline_free(scene: PlanningScene, spline: BsplineTrajectory) -> bool:
+    controls = np.array(spline.control_points())[..., 0]
+    length = sum(map(scene.distance, controls[:-1], controls[1:]))
+    count = int(np.ceil(length / scene.config.resolution)) + 2
+    points = spline.vector_values(np.linspace(0.0, 1.0, count)).T
+    return scene.path_free(points)
+
+
+def _timed(
+    scene: PlanningScene, spline: BsplineTrajectory, pace: Pace
+) -> ArmTrajectory | None:
+    plant = scene.plant
+    controls = scene.full(np.array(spline.control_points())[..., 0])
+    path = BsplineTrajectory(spline.basis(), controls.T)
+    grid = Toppra.CalcGridPoints(
+        path, CalcGridPointsOptions(max_err=1e-4, max_seg_length=0.02, min_points=80)
+    )
+    toppra = Toppra(path, plant, grid)
+    speed = pace.speed * plant.GetVelocityUpperLimits()
+    toppra.AddJointVelocityLimit(-speed, speed)
+    acceleration = plant.GetAccelerationUpperLimits()
+    unlimited = ~np.isfinite(acceleration)
+    acceleration[unlimited] = scene.config.default_acceleration
+    acceleration *= pace.acceleration
+    toppra.AddJointAccelerationLimit(-acceleration, acceleration)
+    if pace.line_speed is not None:
+        toppra.AddFrameTranslationalSpeedLimit(scene.tool_frame, pace.line_speed)
+    timing = toppra.SolvePathParameterization()
+    if timing is None:
+        return None
+    return _sampled(scene, PathParameterizedTrajectory(path, timing))
+
+
+def _sampled(
+    scene: PlanningScene, trajectory: PathParameterizedTrajectory
+) -> ArmTrajectory:
+    start, end = trajectory.start_time(), trajectory.end_time()
+    count = max(int(np.ceil((end - start) / _SAMPLE_PERIOD)) + 1, 3)
+    times = np.linspace(start, end, count)
+    q = scene.part(trajectory.vector_values(times).T)
+    v = scene.part(np.stack([trajectory.EvalDerivative(t, 1)[:, 0] for t in times]))
+    v[0] = v[-1] = 0.0
+    return ArmTrajectory(scene.config.joints, times - start, q, v)
