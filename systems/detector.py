@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: MIT
+"""Says where in the image the objects are, by any algorithm; and one that knows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.scenes.views import jittered_boxes
+from physim_drake.systems.camera_source import LabelImage
+from physim_drake.systems.object_instances import ObjectInstance
+from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
+
+
+class DetectionAlgorithm(Protocol):
+    """What a `Detector` asks; any object with this method is one."""
+
+    def detect(
+        self,
+        observation: RgbdObservation,
+        labels: LabelImage | None,
+        generator: np.random.Generator,
+    ) -> tuple[Detection, ...]:
+        """Finds the objects in an image.
+
+        Args:
+            observation: the image.
+            labels: what the renderer says each pixel shows, where that is known; for
+                algorithms that stand in for a detector.
+            generator: of all random choices; the same for the same look.
+
+        Raises:
+            InputError: where the image cannot be used.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """How a detector is run.
+
+    Attributes:
+        seed: of its random choices; those for the n-th look are always the same.
+        timing: when.
+    """
+
+    seed: int = 0
+    timing: TimingConfig = EACH_STEP
+
+
+class Detector(Stage):
+    """Runs a detection algorithm on each look.
+
+    .. pydrake_system::
+
+        name: Detector
+        input_ports:
+        - observation
+        - labels (optional)
+        output_ports:
+        - detections
+
+    Inputs: ``observation`` (Stamped[RgbdObservation]) and ``labels`` (Stamped of an
+    int16 image (height, width)). Output: ``detections`` (Stamped[tuple[Detection,
+    ...]]), boxes in pixels.
+
+    Args:
+        algorithm: finds the objects.
+        config: seed and timing.
+    """
+
+    def __init__(
+        self, algorithm: DetectionAlgorithm, config: DetectorConfig = DetectorConfig()
+    ) -> None:
+        super().__init__(
+            {"observation": RgbdObservation, "labels": LabelImage},
+            {"detections": tuple[Detection, ...]},
+            config.timing,
+            optional=("labels",),
+        )
+        self._algorithm, self._seed = algorithm, config.seed
+
+    def work(self, look: Look) -> tuple[Any, ...]:
+        """Detects the objects."""
+        generator = np.random.default_rng([self._seed, look.number])
+        observation, labels = look["observation"], look["labels"]
+        return (self._algorithm.detect(observation, labels, generator),)
+
+
+class OracleDetector:
+    """Boxes of the pixels that truly show an object, a little off; needs labels.
+
+    Args:
+        instances: the objects that may be seen.
+        jitter: each side is off by up to this share of the box's size.
+        min_pixels: objects that show less are not detected.
+    """
+
+    def __init__(
+        self,
+        instances: Sequence[ObjectInstance],
+        jitter: float = 0.06,
+        min_pixels: int = 100,
+    ) -> None:
+        self._instances, self._jitter = tuple(instances), jitter
+        self._min_pixels = min_pixels
+
+    def detect(
+        self,
+        observation: RgbdObservation,
+        labels: LabelImage | None,
+        generator: np.random.Generator,
+    ) -> tuple[Detection, ...]:
+        """Gives one detection for each instance that is seen, in their order."""
+        if labels is None:
+            raise ValueError("the oracle needs labels: connect the port of that name")
+        visible = {i: labels == i.body_index for i in self._instances}
+        seen = [i for i, mask in visible.items() if mask.sum() >= self._min_pixels]
+        if not seen:
+            return ()
+        masks = np.stack([visible[i] for i in seen])
+        ids = [i.object_id for i in seen]
+        return tuple(jittered_boxes(masks, ids, self._jitter, generator))

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Estimates the poses of all detected objects together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from physim_drake.estimate import SceneEstimate
+from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.systems.hypothesis_generator import SceneHypotheses
+from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
+
+
+class EstimationAlgorithm(Protocol):
+    """What an `MctsPoseEstimator` asks; `PoseEstimator` is one."""
+
+    def estimate(
+        self,
+        observation: RgbdObservation,
+        detections: Sequence[Detection],
+        surface_height: float | None = None,
+        hypotheses: Sequence[PoseHypotheses] | None = None,
+    ) -> SceneEstimate:
+        """See `PoseEstimator.estimate`."""
+        ...
+
+
+class MctsPoseEstimator(Stage):
+    """Searches for the poses that explain each look best and could rest there.
+
+    .. pydrake_system::
+
+        name: MctsPoseEstimator
+        input_ports:
+        - observation
+        - detections
+        - hypotheses (optional)
+        output_ports:
+        - scene_estimate
+
+    Inputs: ``observation`` (Stamped[RgbdObservation]), ``detections``
+    (Stamped[tuple[Detection, ...]]), ``hypotheses`` (Stamped[SceneHypotheses]); where
+    that is not connected, the algorithm makes them. Output: ``scene_estimate``
+    (Stamped[SceneEstimate]), poses in camera and world, m. An object that is detected
+    but not found says so in the estimate; without a support surface there is no
+    estimate, but an `error`.
+
+    Args:
+        algorithm: does it.
+        surface_height: z of the support surface in the world, m; found in the image
+            where it is None.
+        timing: when.
+    """
+
+    def __init__(
+        self,
+        algorithm: EstimationAlgorithm,
+        surface_height: float | None = None,
+        timing: TimingConfig = EACH_STEP,
+    ) -> None:
+        super().__init__(
+            {
+                "observation": RgbdObservation,
+                "detections": tuple[Detection, ...],
+                "hypotheses": SceneHypotheses,
+            },
+            {"scene_estimate": SceneEstimate},
+            timing,
+            optional=("hypotheses",),
+        )
+        self._algorithm, self._surface_height = algorithm, surface_height
+
+    def work(self, look: Look) -> tuple[Any, ...]:
+        """Estimates the scene."""
+        made: SceneHypotheses | None = look["hypotheses"]
+        return (
+            self._algorithm.estimate(
+                look["observation"],
+                look["detections"],
+                self._surface_height,
+                None if made is None else made.objects,
+            ),
+        )

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: MIT
+"""Replays recorded images as if a camera took them now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydrake.systems.framework import Context
+
+from physim_drake.batch import choose_images, detection_lookup, match_detections
+from physim_drake.datasets.bop import BopDataset
+from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.systems.source import Source
+from physim_drake.systems.stage import EACH_STEP, TimingConfig
+
+
+@dataclass(frozen=True)
+class ReplaySourceConfig:
+    """What is replayed; the files are those that ``physim-drake estimate`` reads.
+
+    Attributes:
+        dataset: root of a dataset in BOP layout.
+        split: folder of its images.
+        images: which ones, as SCENE/IMAGE, in this order; all targets' where empty.
+        detections: a file of them; the dataset's ``detections.json`` where None.
+        masks: take the dataset's visible masks as detections instead.
+        repeat: begin again after the last image; else there are no more looks.
+    """
+
+    dataset: Path = Path()
+    split: str = "test"
+    images: tuple[str, ...] = ()
+    detections: Path | None = None
+    masks: bool = False
+    repeat: bool = False
+
+
+class ReplaySource(Source):
+    """Shows the images of a dataset one after the other, with their detections.
+
+    .. pydrake_system::
+
+        name: ReplaySource
+        input_ports:
+        - trigger (optional with a period)
+        output_ports:
+        - observation
+        - detections
+
+    Input: ``trigger`` see `Source`. Outputs: ``observation`` (Stamped[RgbdObservation])
+    and ``detections`` (Stamped[tuple[Detection, ...]]), of the targets that the dataset
+    names in the image. A file is read when its image's turn comes.
+
+    Args:
+        config: what.
+        period: see `Source`.
+        timing: see `Source`; a simulation of a replay alone needs a `poll_period`.
+
+    Raises:
+        InputError: where the dataset or an image named does not exist.
+    """
+
+    def __init__(
+        self,
+        config: ReplaySourceConfig,
+        period: float | None = None,
+        timing: TimingConfig = EACH_STEP,
+    ) -> None:
+        outputs = {"observation": RgbdObservation, "detections": tuple[Detection, ...]}
+        super().__init__(outputs, period, timing)
+        self._dataset = BopDataset(config.dataset, config.split)
+        self._targets = self._dataset.targets()
+        self._images = choose_images(self._targets, config.images)
+        self._lookup, self._source = detection_lookup(
+            self._dataset, config.detections, config.masks
+        )
+        self._repeat = config.repeat
+
+    def has_look(self, number: int) -> bool:
+        """Whether there is another image."""
+        return self._repeat or number <= len(self._images)
+
+    def capture(self, context: Context, number: int) -> tuple[Any, ...]:
+        """Reads the next image."""
+        image = self._images[(number - 1) % len(self._images)]
+        observation = self._dataset.observation(*image)
+        found = match_detections(
+            self._targets, image, self._lookup(image), self._source
+        )
+        return observation, tuple(found)
