@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from physim_drake import __version__
+from physim_drake.cli.doctor import doctor
 from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
 from physim_drake.cli.generate import generate
@@ -32,6 +33,7 @@ app.command(cls=EstimateCommand)(estimate)
 app.command()(evaluate)
 app.command()(report)
 app.command()(generate)
+app.command()(doctor)
 app.add_typer(models_app, name="models")
 
 

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import physim_drake.models
+from physim_drake import installation_probes
+from physim_drake.installation import PROBES, Status
+from physim_drake.installation_probes import (
+    PROBE_FUNCTIONS,
+    compiled_loops,
+    detector_weights,
+    models,
+    packages,
+    physics,
+    rendering,
+    torch_device,
+)
+from physim_drake.physics.settling import Settled, Settler
+from physim_drake.poses import Array
+from physim_drake.rendering.scene import SceneRenderer
+
+
+def test_every_probe_has_its_function() -> None:
+    assert [probe.name for probe in PROBES] == list(PROBE_FUNCTIONS)
+
+
+@pytest.mark.parametrize(
+    "probe", [packages, rendering, physics, compiled_loops, models, torch_device]
+)
+def test_this_installation_passes(probe: installation_probes.ProbeFunction) -> None:
+    assert probe().status is not Status.FAIL
+
+
+def test_missing_and_wrong_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    needed = ["numpy>=999", "nosuchpackage>=1", "drake>=1.0"]
+    optional = ["nosuchextra>=2; extra == 'more'"]
+    monkeypatch.setattr(importlib.metadata, "requires", lambda _: needed + optional)
+    check = packages()
+    assert check.status is Status.FAIL
+    assert "nosuchpackage is missing" in check.message
+    assert f"numpy is {np.__version__}, needed >=999" in check.message
+    assert "nosuchextra" not in check.message + check.remedy
+    assert "'nosuchpackage>=1'" in check.remedy
+
+
+def test_an_untested_drake_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation_probes, "TESTED_DRAKE", "0.1")
+    check = packages()
+    assert check.status is Status.WARNING
+    assert "drake==0.1" in check.remedy
+
+
+def test_what_is_optional_and_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    optional = ["nosuchextra>=2; extra == 'more'"]
+    monkeypatch.setattr(importlib.metadata, "requires", lambda _: optional)
+    check = packages()
+    assert check.status is Status.OK
+    assert check.message.endswith("optional: nosuchextra")
+
+
+def test_a_wrong_depth_image_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def blank(*_: object) -> Array:
+        return np.zeros((48, 64), dtype=np.float32)
+
+    monkeypatch.setattr(SceneRenderer, "_depth", blank)
+    with pytest.raises(RuntimeError, match=r"rendered at 0\.000 m"):
+        rendering()
+
+
+def test_a_wrong_colour_image_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def grey(*_: object) -> Array:
+        return np.full((48, 64, 3), 128, dtype=np.uint8)
+
+    monkeypatch.setattr(SceneRenderer, "_color", grey)
+    with pytest.raises(RuntimeError, match="red box is rendered in RGB 128"):
+        rendering()
+
+
+def test_a_box_that_sinks_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def sink(self: Settler, X_SO: Array, placed: object) -> Settled:
+        return Settled(np.eye(4), at_rest=True, lost=False, time=1.0)
+
+    monkeypatch.setattr(Settler, "settle", sink)
+    with pytest.raises(RuntimeError, match=r"ends -50\.0 mm above"):
+        physics()
+
+
+def write_tensors(path: Path, count: int, cut: int = 0) -> None:
+    """A file of `count` floats in the format of safetensors, less its last bytes."""
+    entry = {"dtype": "F32", "shape": [count], "data_offsets": [0, 4 * count]}
+    header = json.dumps({"__metadata__": {"a": "b"}, "w": entry}).encode()
+    data = struct.pack("<Q", len(header)) + header + bytes(4 * count)
+    path.write_bytes(data[: len(data) - cut])
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder in the place of the models that come with the package."""
+    monkeypatch.setattr(physim_drake.models, "__file__", str(tmp_path / "__init__.py"))
+    return tmp_path
+
+
+def test_absent_weights_are_a_warning(package: Path) -> None:
+    check = detector_weights()
+    assert check.status is Status.WARNING
+    assert "--detections" in check.remedy
+
+
+def test_weights_are_listed(package: Path) -> None:
+    (package / "detector").mkdir()
+    write_tensors(package / "detector" / "net.safetensors", 2**18)
+    check = detector_weights()
+    assert check.status is Status.OK
+    assert check.message == "net.safetensors (1.0 MiB)"
+
+
+def test_weights_that_were_cut_off_are_noticed(package: Path) -> None:
+    write_tensors(package / "net.safetensors", 8, cut=5)
+    with pytest.raises(ValueError, match="bytes of"):
+        detector_weights()
