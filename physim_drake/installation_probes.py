@@ -10,6 +10,7 @@ See `physim_drake.installation` for how they are run.
 from __future__ import annotations
 
 import ctypes
+import importlib
 import importlib.metadata
 import json
 import multiprocessing
@@ -199,9 +200,7 @@ def worker_processes() -> Check:
 
 def _report_in(link: Connection) -> None:
     """What a worker does here: imports what it would need, and tells who it is."""
-    import physim_drake.workers
-
-    assert physim_drake.workers.Worker
+    importlib.import_module("physim_drake.workers")
     link.send(os.getpid())
 
 
@@ -223,8 +222,8 @@ def models() -> Check:
         raise RuntimeError("; ".join(problems))
     plant = MultibodyPlant(0.01)
     parser = Parser(plant)
-    parser.package_map().AddPackageXml(str(PACKAGE_XML))
-    directives = LoadModelDirectives(str(SDA10F / "sda10f_with_tools.dmd.yaml"))
+    parser.package_map().AddPackageXml(PACKAGE_XML)
+    directives = LoadModelDirectives(SDA10F / "sda10f_with_tools.dmd.yaml")
     ProcessModelDirectives(directives, parser)
     plant.Finalize()
     joints = plant.num_actuated_dofs()
