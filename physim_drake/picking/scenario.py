@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: MIT
+"""A pick cell and what happens in it, as one typed YAML file.
+
+Where Drake has a schema it is used: model directives, plant, scene graph, with the
+names that Drake's own scenarios give them. Unknown keys are errors. docs/pick-cell.md
+goes through a file.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from pydrake.geometry import SceneGraphConfig
+from pydrake.multibody.parsing import AddDirectives, ModelDirective
+from pydrake.multibody.plant import MultibodyPlantConfig
+
+from physim_drake.camera_presets import CameraName
+from physim_drake.errors import InputError
+from physim_drake.estimation import Method
+from physim_drake.models import PACKAGE_XML
+from physim_drake.picking.planner_config import ArmPlannerConfig
+from physim_drake.scenes.containers import ContainerName
+from physim_drake.suction import SuctionConfig
+from physim_drake.typed_yaml import load_typed_yaml
+
+_SCENARIO_PACKAGE = "package://scenario/"
+
+
+def _plant() -> MultibodyPlantConfig:
+    config = MultibodyPlantConfig()
+    config.time_step = 0.005
+    config.discrete_contact_approximation = "sap"
+    config.contact_model = "hydroelastic_with_fallback"
+    config.use_sampled_output_ports = False
+    return config
+
+
+def _scene_graph() -> SceneGraphConfig:
+    config = SceneGraphConfig()
+    # Overlap is pushed out with this time constant; Drake's 0.1 s creeps.
+    config.default_proximity_properties.relaxation_time = 0.02
+    return config
+
+
+def _directives() -> tuple[ModelDirective, ...]:
+    cell = "package://physim_drake_models/pick_cell/pick_cell.dmd.yaml"
+    return (ModelDirective(add_directives=AddDirectives(file=cell)),)
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """How the joints follow what they are told: stiff, without gravity's help.
+
+    Gravity of robot and tools is compensated, as every industrial controller does;
+    that of what it holds is not.
+
+    Attributes:
+        stiffness: N m/rad.
+        damping: N m s/rad.
+    """
+
+    stiffness: float = 20000.0
+    damping: float = 1000.0
+
+
+@dataclass(frozen=True)
+class RegionConfig:
+    """A level rectangle that a frame of the directives stands in the middle of.
+
+    Attributes:
+        frame: its name; z up.
+        half_extents: along the frame's x and y, m.
+    """
+
+    frame: str = "pick_area"
+    half_extents: tuple[float, float] = (0.2, 0.2)
+
+    def __post_init__(self) -> None:
+        if len(self.half_extents) != 2 or min(self.half_extents) <= 0:
+            raise InputError(
+                self.frame, "is no rectangle", "give two lengths above 0, m"
+            )
+
+
+@dataclass(frozen=True)
+class ObjectsConfig:
+    """What lies on the table at the beginning of an episode.
+
+    Attributes:
+        library: folder of the object models: a path, from the scenario's folder where
+            it is relative, or the name of a set that comes with the package.
+        names: the objects to draw from; all where none is named.
+        count: fewest and most objects of an episode.
+        levels: interaction levels (1 apart, 2 two that touch, 3 three), episode by
+            episode in turn.
+        container: what they are settled on or in. It is not part of the cell: a tote
+            that they lie in must stand in the directives, too.
+    """
+
+    library: str = "apc11"
+    names: tuple[str, ...] = ()
+    count: tuple[int, int] = (3, 3)
+    levels: tuple[int, ...] = (1, 2, 3)
+    container: ContainerName = ContainerName.TABLE
+
+    def __post_init__(self) -> None:
+        if len(self.count) != 2 or not 1 <= self.count[0] <= self.count[1]:
+            raise InputError(
+                "objects",
+                f"is {list(self.count)}",
+                "give [fewest, most], 1 or more",
+                "count",
+            )
+        if not self.levels or not all(1 <= level <= 3 for level in self.levels):
+            raise InputError(
+                "objects", f"is {list(self.levels)}", "give some of 1, 2, 3", "levels"
+            )
+
+
+@dataclass(frozen=True)
+class ViewpointConfig:
+    """From where the wrist camera looks at the middle of the pick area.
+
+    Attributes:
+        azimuth_deg: bearing of the camera from the middle, about z from x.
+        elevation_deg: its angle above the surface.
+        distance: m.
+    """
+
+    azimuth_deg: float = 180.0
+    elevation_deg: float = 75.0
+    distance: float = 0.55
+
+    def __post_init__(self) -> None:
+        if not 0 < self.elevation_deg <= 90 or not self.distance > 0:
+            raise InputError(
+                "viewpoint",
+                f"elevation {self.elevation_deg:g} deg, distance {self.distance:g} m",
+                "look from above, 0 to 90 deg, from more than 0 m",
+            )
+
+    def direction(self) -> tuple[float, float, float]:
+        """From the middle to the camera, unit."""
+        a, e = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
+        return math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e)
+
+
+def _views() -> tuple[ViewpointConfig, ...]:
+    return (
+        ViewpointConfig(180.0, 75.0, 0.60),
+        ViewpointConfig(-110.0, 60.0, 0.58),
+        ViewpointConfig(110.0, 60.0, 0.58),
+        ViewpointConfig(0.0, 65.0, 0.58),
+    )
+
+
+@dataclass(frozen=True)
+class LookConfig:
+    """How the cell sees.
+
+    Attributes:
+        camera: preset of the wrist camera.
+        noise: whether its images err.
+        box_jitter: detected boxes are off by up to this share of their size, a side.
+        min_pixels: an object of which less shows is not detected.
+        method: how poses are estimated.
+        expansions: of a group's search.
+        hypotheses: representatives of an object.
+        workers: processes; the estimate does not depend on it.
+        latency: simulated time that an estimate takes, s. The simulation does not
+            know how long the computation takes; this is what a fast computer needs.
+        views: viewpoints in the order they are used.
+    """
+
+    camera: CameraName = CameraName.D415
+    noise: bool = True
+    box_jitter: float = 0.06
+    min_pixels: int = 400
+    method: Method = Method.PHYSIM_MCTS
+    expansions: int = 60
+    hypotheses: int = 25
+    workers: int = 1
+    latency: float = 2.0
+    views: tuple[ViewpointConfig, ...] = field(default_factory=_views)
+
+    def __post_init__(self) -> None:
+        if not self.views:
+            raise InputError("look", "is empty", "give one viewpoint or more", "views")
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """How hard the cell tries.
+
+    Attributes:
+        period: between decisions of the task, s.
+        planning_time: simulated time that planning takes, s.
+        max_plans: so many candidates are planned before another look is taken.
+        settle_time: from the arrival at a viewpoint to the look, s.
+        max_views: views of one scene before it is picked from with what is known.
+        min_confidence: objects below it are looked at again from elsewhere.
+        last_confidence: and picked all the same from here on, where no view of the
+            scene gave anything better.
+        tries: picks of one object before it is given up.
+        max_failures: failures in a row of any kind before the episode is given up.
+        empty_looks: the table is empty when nothing is seen so often, from different
+            viewpoints.
+        estimate_timeout: an estimate that takes longer has failed, s.
+        seal_level: of the vacuum sensor, from which on the cup holds, 0..1.
+        seal_timeout: no seal if the level is not reached in this time, s.
+        lost_level: of the vacuum sensor, below which the object is gone, 0..1.
+        release_time: the vacuum gets this long to vanish over the tote, s.
+        release_height: of the object's lowest point above the tote's floor when it
+            is let go, m.
+    """
+
+    period: float = 0.01
+    planning_time: float = 0.5
+    max_plans: int = 10
+    settle_time: float = 0.3
+    max_views: int = 3
+    min_confidence: float = 0.5
+    last_confidence: float = 0.2
+    tries: int = 3
+    max_failures: int = 8
+    empty_looks: int = 2
+    estimate_timeout: float = 30.0
+    seal_level: float = 0.6
+    seal_timeout: float = 0.5
+    lost_level: float = 0.4
+    release_time: float = 0.3
+    release_height: float = 0.03
+
+    def __post_init__(self) -> None:
+        for name in ("max_plans", "max_views", "tries", "max_failures", "empty_looks"):
+            if getattr(self, name) < 1:
+                raise InputError("task", "is less than 1", "give 1 or more", name)
+        if not self.period > 0:
+            raise InputError("task", "is not positive", "give seconds", "period")
+
+
+@dataclass(frozen=True)
+class PickScenario:
+    """A cell, its objects and its task.
+
+    Attributes:
+        random_seed: of all random choices, with the episode's number.
+        max_duration: of an episode, simulated, s.
+        plant_config: of the simulation.
+        scene_graph_config: of the simulation.
+        directives: robot, tools, table, tote and what else stands still. Files of the
+            package `physim_drake_models` can be used, and of `scenario`, which is the
+            folder of the scenario's file.
+        drive: of the robot's joints.
+        planner: names and distances for the arm's planner.
+        gripper: the cup.
+        objects: what is to be picked.
+        pick_area: where objects lie.
+        tote: where they go.
+        look: how the cell sees.
+        task: how hard it tries.
+    """
+
+    random_seed: int = 0
+    max_duration: float = 300.0
+    plant_config: MultibodyPlantConfig = field(default_factory=_plant)
+    scene_graph_config: SceneGraphConfig = field(default_factory=_scene_graph)
+    directives: tuple[ModelDirective, ...] = field(default_factory=_directives)
+    drive: DriveConfig = DriveConfig()
+    planner: ArmPlannerConfig = field(default_factory=ArmPlannerConfig)
+    gripper: SuctionConfig = field(default_factory=SuctionConfig)
+    objects: ObjectsConfig = ObjectsConfig()
+    pick_area: RegionConfig = RegionConfig("pick_area", (0.2, 0.2))
+    tote: RegionConfig = RegionConfig("tote", (0.2, 0.15))
+    look: LookConfig = field(default_factory=LookConfig)
+    task: TaskConfig = TaskConfig()
+
+    def __post_init__(self) -> None:
+        if not self.max_duration > 0:
+            raise InputError(
+                "scenario", "is not positive", "give seconds", "max_duration"
+            )
+        if not self.plant_config.time_step > 0:
+            raise InputError(
+                "scenario",
+                "has a time step of 0; drives and suction need a discrete plant",
+                "give seconds, such as 0.005",
+                "plant_config",
+            )
+
+
+def load_scenario(path: Path) -> PickScenario:
+    """Reads a scenario; paths in it start from its folder.
+
+    Raises:
+        InputError: where the file cannot be read, has an unknown key, or a value that
+            cannot be.
+    """
+    scenario = load_typed_yaml(path, PickScenario)
+    folder = path.resolve().parent
+    for directive in scenario.directives:
+        _find_file(directive, folder)
+    library = _find_library(scenario.objects.library, folder)
+    return replace(scenario, objects=replace(scenario.objects, library=library))
+
+
+def _find_file(directive: ModelDirective, folder: Path) -> None:
+    """Makes a path into the scenario's folder one that any parser knows."""
+    for part in (directive.add_model, directive.add_directives):
+        if part is not None and part.file.startswith(_SCENARIO_PACKAGE):
+            path = folder / part.file.removeprefix(_SCENARIO_PACKAGE)
+            part.file = f"file://{path}"
+
+
+def _find_library(library: str, folder: Path) -> str:
+    here = folder / library
+    if not here.is_dir() and (PACKAGE_XML.parent / library).is_dir():
+        return str(PACKAGE_XML.parent / library)
+    return str(here)

@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: MIT
+"""The pick cell as one diagram: plant, drives, gripper, perception and task."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.common.schema import Transform
+from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import (
+    ModelDirectives,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import AddMultibodyPlant
+from pydrake.multibody.tree import (
+    JointActuatorIndex,
+    ModelInstanceIndex,
+    PdControllerGains,
+)
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from physim_drake.errors import InputError
+from physim_drake.estimation import PoseEstimator
+from physim_drake.models import PACKAGE_XML
+from physim_drake.objects import ObjectLibrary
+from physim_drake.picking.cell import PickCellGeometry, unusable_directives
+from physim_drake.picking.planning_plant import find_frame
+from physim_drake.picking.policy import PickPolicy, TopOfPileFirst
+from physim_drake.picking.scenario import PickScenario
+from physim_drake.picking.start import PlacedModel
+from physim_drake.picking.task import PickTask
+from physim_drake.picking.trajectories import rest_trajectory
+from physim_drake.picking.workspace import TableDetector
+from physim_drake.systems.detector import DetectionAlgorithm, OracleDetector
+from physim_drake.systems.object_instances import (
+    find_object_instances,
+)
+from physim_drake.systems.perception import AddPerceptionDiagram, PerceptionDiagram
+from physim_drake.systems.perception_config import (
+    EstimatorConfig,
+    LatencyConfig,
+    PerceptionCameraConfig,
+    PerceptionConfig,
+)
+from physim_drake.systems.pick_task import JointLayout, PickTaskSystem
+from physim_drake.systems.suction_gripper import SuctionGripper
+
+
+@dataclass(frozen=True)
+class PickCellParts:
+    """What can be put in place of the usual parts; None for the usual.
+
+    Attributes:
+        policy: which object is picked, and where.
+        detector: finds objects in images.
+        estimator: estimates their poses; whoever made it closes it.
+        meshcat: where everything is shown.
+    """
+
+    policy: PickPolicy | None = None
+    detector: DetectionAlgorithm | None = None
+    estimator: PoseEstimator | None = None
+    meshcat: Meshcat | None = None
+
+
+class PickCell:
+    """A pick cell, ready to simulate.
+
+    The diagram has the systems `plant`, `scene_graph`, `suction_gripper`, `perception`,
+    `pick_task` and, with Meshcat, `meshcat_visualizer`. The true poses of objects are
+    on ports of `perception`, for whoever judges; nothing connects them to the task.
+
+    Args:
+        scenario: the cell.
+        geometry: of the cell, with its planner.
+        library: the objects.
+        models: the objects of this episode.
+        seed: of the camera's errors, the boxes and the search.
+        parts: what replaces the usual parts.
+
+    Attributes:
+        diagram: all of it.
+        plant: robot, cell and objects.
+        perception: camera to estimate.
+        task: the task's system.
+        instances: the objects in the plant.
+    """
+
+    def __init__(
+        self,
+        scenario: PickScenario,
+        geometry: PickCellGeometry,
+        library: ObjectLibrary,
+        models: Sequence[PlacedModel],
+        seed: int = 0,
+        parts: PickCellParts = PickCellParts(),
+    ) -> None:
+        self._scenario, self._geometry, self._library = scenario, geometry, library
+        builder = DiagramBuilder()
+        self.plant, scene_graph = AddMultibodyPlant(scenario.plant_config, builder)
+        scene_graph.set_config(scenario.scene_graph_config)
+        robot = self._add_models(models)
+        self.plant.Finalize()
+        self._set_rest(models)
+        self.instances = find_object_instances(self.plant, library, {})
+        gripper = self._add_gripper(builder, scene_graph)
+        self.perception = self._add_perception(builder, scene_graph, seed, parts)
+        self.task = self._add_task(builder, robot, parts.policy)
+        for source, target in (
+            (self.perception.GetOutputPort("scene_estimate"), "scene_estimate"),
+            (gripper.vacuum_output_port(), "vacuum"),
+        ):
+            builder.Connect(source, self.task.GetInputPort(target))
+        for name, port in (
+            ("desired_state", self.plant.get_desired_state_input_port(robot)),
+            ("vacuum_on", gripper.vacuum_on_input_port()),
+            ("trigger", self.perception.GetInputPort("trigger")),
+        ):
+            builder.Connect(self.task.GetOutputPort(name), port)
+        if parts.meshcat is not None:
+            MeshcatVisualizer.AddToBuilder(builder, scene_graph, parts.meshcat)
+        self.diagram: Diagram = builder.Build()
+
+    def close(self) -> None:
+        """Ends worker processes, unless the estimator was given."""
+        self.perception.close()
+
+    def _add_models(self, models: Sequence[PlacedModel]) -> ModelInstanceIndex:
+        """Adds everything to the plant; returns the robot's instance."""
+        plant, config = self.plant, self._scenario.planner
+        parser = Parser(plant)
+        parser.SetAutoRenaming(True)
+        parser.package_map().AddPackageXml(str(PACKAGE_XML))
+        directives = ModelDirectives(directives=list(self._scenario.directives))
+        try:
+            ProcessModelDirectives(directives, parser)
+        except RuntimeError as error:
+            raise unusable_directives(error) from error
+        for model in models:
+            parser.AddModels(model.sdf)
+        for name in config.robot_models:
+            plant.set_gravity_enabled(plant.GetModelInstanceByName(name), False)
+        drive = self._scenario.drive
+        gains = PdControllerGains(p=drive.stiffness, d=drive.damping)
+        robot = plant.GetJointByName(config.joints[0]).model_instance()
+        # Drake lists a model's actuators only after Finalize, when it is too late.
+        for n in range(plant.num_actuators()):
+            actuator = plant.get_joint_actuator(JointActuatorIndex(n))
+            if actuator.model_instance() == robot:
+                actuator.set_controller_gains(gains)
+        return robot
+
+    def _set_rest(self, models: Sequence[PlacedModel]) -> None:
+        """Robot at home, objects where they begin."""
+        plant, config = self.plant, self._scenario.planner
+        home = dict(zip(config.joints, config.home, strict=True))
+        for name, angle in {**config.other_joints, **home}.items():
+            plant.GetJointByName(name).set_default_positions([angle])
+        for body, model in zip(self._object_bodies(len(models)), models, strict=True):
+            plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(model.X_WO))
+
+    def _object_bodies(self, count: int) -> list[Any]:
+        """The bodies of the models that were added last."""
+        plant = self.plant
+        first = plant.num_model_instances() - count
+        return [
+            plant.get_body(plant.GetBodyIndices(ModelInstanceIndex(first + n))[0])
+            for n in range(count)
+        ]
+
+    def _add_gripper(
+        self, builder: DiagramBuilder, scene_graph: SceneGraph
+    ) -> SuctionGripper:
+        plant, robot = self.plant, set(self._scenario.planner.robot_models)
+        # Whatever the cup can touch, it can be sucked on to.
+        touchable = [
+            plant.get_body(index)
+            for n in range(2, plant.num_model_instances())
+            if plant.GetModelInstanceName(ModelInstanceIndex(n)) not in robot
+            for index in plant.GetBodyIndices(ModelInstanceIndex(n))
+            if plant.GetCollisionGeometriesForBody(plant.get_body(index))
+        ]
+        return SuctionGripper.AddToBuilder(
+            builder,
+            self._scenario.gripper,
+            plant,
+            scene_graph,
+            find_frame(plant, self._scenario.planner.tool_frame),
+            touchable,
+        )
+
+    def _add_perception(
+        self,
+        builder: DiagramBuilder,
+        scene_graph: SceneGraph,
+        seed: int,
+        parts: PickCellParts,
+    ) -> PerceptionDiagram:
+        look = self._scenario.look
+        detector = parts.detector or OracleDetector(
+            self.instances, look.box_jitter, look.min_pixels
+        )
+        return AddPerceptionDiagram(
+            builder,
+            perception_config(self._scenario, self._geometry, seed),
+            scene_graph,
+            plant=self.plant,
+            library=self._library,
+            detector=TableDetector(detector, self._geometry.tote),
+            estimator=parts.estimator,
+            meshcat=parts.meshcat,
+        )
+
+    def _add_task(
+        self,
+        builder: DiagramBuilder,
+        robot: ModelInstanceIndex,
+        policy: PickPolicy | None,
+    ) -> PickTaskSystem:
+        config, planner = self._scenario.task, self._geometry.planner
+        task = PickTask(
+            config,
+            planner,
+            policy or TopOfPileFirst(min_confidence=config.min_confidence),
+            policy or TopOfPileFirst(min_confidence=config.last_confidence),
+            self._library,
+            self._geometry.conditions,
+            self._geometry.views,
+            self._geometry.tote,
+        )
+        rest = rest_trajectory(planner.scene, planner.home)
+        system = PickTaskSystem(task, self._joint_layout(robot), rest)
+        builder.AddNamedSystem("pick_task", system)
+        return system
+
+    def _joint_layout(self, robot: ModelInstanceIndex) -> JointLayout:
+        plant, config = self.plant, self._scenario.planner
+        joints = [
+            plant.get_joint_actuator(index).joint()
+            for index in plant.GetJointActuatorIndices(robot)
+        ]
+        names = [joint.name() for joint in joints]
+        missing = [name for name in config.joints if name not in names]
+        if missing:
+            raise InputError(
+                "planner",
+                f"{missing[0]} has no actuator",
+                "give its joint one, with an effort limit above 0",
+                "joints",
+            )
+        rest = np.array([joint.default_positions()[0] for joint in joints])
+        return JointLayout(rest, [names.index(name) for name in config.joints])
+
+
+def perception_config(
+    scenario: PickScenario, geometry: PickCellGeometry, seed: int
+) -> PerceptionConfig:
+    """The cell's perception, as the perception diagram takes it.
+
+    Args:
+        scenario: the cell.
+        geometry: where its pick area is, which is the support surface.
+        seed: of all its random choices.
+    """
+    look = scenario.look
+    return PerceptionConfig(
+        camera=PerceptionCameraConfig(
+            preset=look.camera,
+            depth_noise=look.noise,
+            color_noise=look.noise,
+            reflections=look.noise,
+            seed=seed,
+            X_PB=Transform(base_frame=scenario.planner.camera_frame),
+        ),
+        estimator=EstimatorConfig(
+            method=look.method,
+            expansions=look.expansions,
+            representatives=look.hypotheses,
+            workers=look.workers,
+            seed=seed,
+            surface_height=float(geometry.X_WA[2, 3]),
+        ),
+        latency=LatencyConfig(estimator=look.latency),
+        poll_period=scenario.task.period,
+        library=scenario.objects.library,
+    )
