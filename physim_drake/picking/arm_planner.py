@@ -323,17 +323,21 @@ class ArmPlanner:
     def _pick_plan(
         self, candidate: PickCandidate, transfer: ArmTrajectory, grasp: _Grasp
     ) -> PickPlan:
-        lines = []
-        for path, loaded, stage in (
-            (grasp.approach, False, "approach"),
-            (grasp.retreat, True, "retreat"),
-        ):
-            pace = self._pace(loaded, self.config.line_speed)
-            line = line_trajectory(self.scene, path, pace)
-            if line is None:
-                raise PlanFailure(stage, "the straight line could not be timed")
-            lines.append(line)
-        return PickPlan(candidate, transfer, *lines, grasp.X_WG, grasp.held)
+        return PickPlan(
+            candidate,
+            transfer,
+            self._timed_line(grasp.approach, False, "approach"),
+            self._timed_line(grasp.retreat, True, "retreat"),
+            grasp.X_WG,
+            grasp.held,
+        )
+
+    def _timed_line(self, path: Array, loaded: bool, stage: str) -> ArmTrajectory:
+        pace = self._pace(loaded, self.config.line_speed)
+        trajectory = line_trajectory(self.scene, path, pace)
+        if trajectory is None:
+            raise PlanFailure(stage, "the straight line could not be timed")
+        return trajectory
 
     def _timed(self, path: Array, loaded: bool, stage: str) -> ArmTrajectory:
         trajectory = smooth_trajectory(self.scene, path, self._pace(loaded))

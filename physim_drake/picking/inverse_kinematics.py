@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.math import RotationMatrix
@@ -120,10 +121,10 @@ def _solve(
     scene: PlanningScene, goal: PoseGoal, q_near: Array, guess: Array, apart: bool
 ) -> Array | None:
     plant = scene.plant
-    problem = InverseKinematics(plant, with_joint_limits=False)
+    problem: Any = InverseKinematics(plant, with_joint_limits=False)
     program, q = problem.prog(), problem.q()
     full = scene.full(guess)
-    planned = scene.part(np.arange(len(full))).astype(int)
+    planned = scene.columns
     rest = np.setdiff1d(np.arange(len(full)), planned)
     if len(rest):
         program.AddBoundingBoxConstraint(full[rest], full[rest], q[rest])
@@ -133,8 +134,9 @@ def _solve(
     program.AddQuadraticErrorCost(0.1 * np.diag(scene.weights**2), q_near, q[planned])
     if apart:
         checker = scene.checker
+        make_constraint: Any = MinimumDistanceLowerBoundConstraint
         program.AddConstraint(
-            MinimumDistanceLowerBoundConstraint(
+            make_constraint(
                 collision_checker=checker,
                 bound=0.0,
                 collision_checker_context=checker.MakeStandaloneModelContext(),
@@ -146,14 +148,15 @@ def _solve(
     options = SolverOptions()
     # Without it, a hopeless guess can take seconds.
     options.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
-    result = SnoptSolver().Solve(program, full, options)
+    solver: Any = SnoptSolver()
+    result = solver.Solve(program, full, options)
     if not result.is_success():
         return None
     solution = scene.part(result.GetSolution(q))
     return refine(scene, goal, solution)
 
 
-def _add_goal(problem: InverseKinematics, goal: PoseGoal, world: Frame) -> None:
+def _add_goal(problem: Any, goal: PoseGoal, world: Frame) -> None:
     p, R = goal.X_WF[:3, 3], goal.X_WF[:3, :3]
     slack = max(goal.radius / np.sqrt(3), _POSITION_TOLERANCE)
     problem.AddPositionConstraint(goal.frame, np.zeros(3), world, p - slack, p + slack)

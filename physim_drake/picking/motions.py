@@ -43,8 +43,12 @@ def connect(
     Raises:
         PlanFailure: where none is found.
     """
-    for q, place in ((q_start, "where the arm is"), (q_goal, "at the goal")):
-        if not scene.within_limits(q):
+    # Where the arm is, it may have overshot into the margin that plans keep.
+    for q, place, slack in (
+        (q_start, "where the arm is", scene.config.limit_margin),
+        (q_goal, "at the goal", 0.0),
+    ):
+        if not scene.within_limits(q, slack):
             raise PlanFailure(stage, f"a joint is beyond its limits {place}")
         if not scene.is_free(q):
             raise PlanFailure(stage, f"{place}, too near are {scene.conflicts(q)}")

@@ -84,7 +84,7 @@ class PlanningPlant:
 
 def read_directives(*paths: Path) -> tuple[ModelDirective, ...]:
     """Reads model directives files, one after the other."""
-    return tuple(d for p in paths for d in LoadModelDirectives(str(p)).directives)
+    return tuple(d for p in paths for d in LoadModelDirectives(p).directives)
 
 
 def build_planning_plant(
@@ -110,7 +110,7 @@ def build_planning_plant(
     parser.package_map().AddPackageXml(str(PACKAGE_XML))
     ProcessModelDirectives(ModelDirectives(directives=list(directives)), parser)
     robot = [
-        _named(plant, plant.GetModelInstanceByName, n) for n in config.robot_models
+        _look_up(plant, plant.GetModelInstanceByName, n) for n in config.robot_models
     ]
     tool = find_frame(plant, config.tool_frame)
     slots, hand = plant.AddModelInstance("placed"), plant.AddModelInstance("held")
@@ -127,12 +127,13 @@ def build_planning_plant(
         )
     plant.Finalize()
     _check_fixed(plant, config)
-    levers = joint_levers(plant, robot)
-    checker = SceneGraphCollisionChecker(
+    levers: Any = {j: np.array([r]) for j, r in joint_levers(plant, robot).items()}
+    make_checker: Any = SceneGraphCollisionChecker  # its stub lacks the constructor
+    checker = make_checker(
         model=builder.Build(),
         robot_model_instances=[*robot, hand],
         distance_and_interpolation_provider=LinearDistanceAndInterpolationProvider(
-            plant, {joint: np.array([lever]) for joint, lever in levers.items()}
+            plant, levers
         ),
         edge_step_size=config.resolution,
         env_collision_padding=config.padding,
@@ -148,10 +149,8 @@ def find_frame(plant: MultibodyPlant, name: str) -> Frame:
     Raises:
         InputError: where there is none.
     """
-    model, _, frame = name.rpartition("::")
-    return _named(
-        plant, lambda n: _scoped(plant.GetFrameByName, plant, model, n), frame
-    )
+    frame: Frame = _look_up(plant, plant.GetFrameByName, name)
+    return frame
 
 
 def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
@@ -160,8 +159,8 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     Raises:
         InputError: where there is none.
     """
-    model, _, body = name.rpartition("::")
-    return _named(plant, lambda n: _scoped(plant.GetBodyByName, plant, model, n), body)
+    body: RigidBody = _look_up(plant, plant.GetBodyByName, name)
+    return body
 
 
 def joint_levers(
@@ -173,37 +172,35 @@ def joint_levers(
     exceeds; so a joint's angle times its lever bounds the motion it causes.
     """
     context = plant.CreateDefaultContext()
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    inward = {joint.child_body().index(): joint for joint in joints}
     instances = set(robot)
     levers = {}
-    for index in plant.GetJointIndices():
-        joint = plant.get_joint(index)
+    for joint in joints:
         if joint.num_positions() != 1:
             continue
-        bodies = plant.GetBodiesKinematicallyAffectedBy([index])
-        reach = 0.0
-        for b in bodies:
-            if plant.get_body(b).model_instance() in instances:
-                reach = max(reach, _chain_length(plant, context, b, joint))
-        levers[index] = max(reach, _MIN_LEVER)
+        behind = plant.GetBodiesKinematicallyAffectedBy([joint.index()])
+        lengths = [
+            _chain_length(context, inward, plant.get_body(body), joint)
+            for body in behind
+            if plant.get_body(body).model_instance() in instances
+        ]
+        levers[joint.index()] = max([_MIN_LEVER, *lengths])
     return levers
 
 
-def _chain_length(plant: Any, context: Any, body: Any, joint: Any) -> float:
+def _chain_length(
+    context: Any, inward: Mapping[Any, Any], body: Any, joint: Any
+) -> float:
     """Distance from a joint to a body behind it with the links between stretched."""
-    parents = {
-        plant.get_joint(j).child_body().index(): plant.get_joint(j)
-        for j in plant.GetJointIndices()
-    }
-    length, current = 0.0, body
-    tip = plant.get_body(body).body_frame()
+    length, tip = 0.0, body.body_frame()
     while True:
-        upward = parents[current]
-        base = upward.frame_on_child()
+        link = inward[body.index()]
+        base = link.frame_on_child()
         length += float(np.linalg.norm(tip.CalcPose(context, base).translation()))
-        if upward.index() == joint.index():
+        if link.index() == joint.index():
             return length
-        tip = upward.frame_on_parent()
-        current = upward.parent_body().index()
+        tip, body = link.frame_on_parent(), link.parent_body()
 
 
 def _add_slot(
@@ -231,13 +228,12 @@ def _convex(model: ObjectModel, n: int) -> Convex:
     return Convex(InMemoryMesh(mesh_file=file))
 
 
-def _scoped(get: Any, plant: MultibodyPlant, model: str, name: str) -> Any:
-    return get(name, plant.GetModelInstanceByName(model)) if model else get(name)
-
-
-def _named(plant: MultibodyPlant, get: Any, name: str) -> Any:
+def _look_up(plant: MultibodyPlant, get: Any, name: str) -> Any:
+    model, _, element = name.rpartition("::")
     try:
-        return get(name)
+        return (
+            get(element, plant.GetModelInstanceByName(model)) if model else get(element)
+        )
     except RuntimeError as error:
         raise InputError(
             "cell directives",
@@ -255,4 +251,4 @@ def _check_fixed(plant: MultibodyPlant, config: ArmPlannerConfig) -> None:
             "weld it, or leave it out: the planner takes objects from the estimate",
         )
     for name in (*config.joints, *config.other_joints, *config.limits):
-        _named(plant, plant.GetJointByName, name)
+        _look_up(plant, plant.GetJointByName, name)

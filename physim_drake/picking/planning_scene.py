@@ -48,6 +48,14 @@ class PlanningScene:
         library: the objects that may be set.
         config: names in the directives, and distances.
 
+    Attributes:
+        tool_frame: of the cup.
+        camera_frame: of the camera.
+        columns: of the planned joints among the plant's positions, (n,).
+        lower: limits of the planned joints, with their margin, (n,), rad.
+        upper: the same, (n,).
+        weights: how far the robot's farthest part moves with each joint, (n,), m/rad.
+
     Raises:
         InputError: where the directives lack a name of the configuration.
     """
@@ -73,10 +81,10 @@ class PlanningScene:
         self.tool_frame = find_frame(plant, self.config.tool_frame)
         self.camera_frame = find_frame(plant, self.config.camera_frame)
         joints = [plant.GetJointByName(name) for name in self.config.joints]
-        self._columns = np.array([joint.position_start() for joint in joints])
+        self.columns = np.array([joint.position_start() for joint in joints])
         self.lower, self.upper = self._limits(joints)
         levers = self.checker.distance_and_interpolation_provider().distance_weights()
-        self.weights = np.array(levers)[self._columns]
+        self.weights = np.array(levers)[self.columns]
         self._context = plant.CreateDefaultContext()
         self._roles = _Roles(plant, self.config, self._built.held)
         self._strict = self._roles.paddings(self.checker.GetPaddingMatrix())
@@ -84,13 +92,13 @@ class PlanningScene:
         self._set_full(self.config.other_joints)
 
     @property
-    def plant(self) -> MultibodyPlant:
-        """Robot, cell and slots."""
+    def plant(self) -> Any:
+        """Drake's `MultibodyPlant` of robot, cell and slots."""
         return self._built.plant
 
     @property
     def checker(self) -> Any:
-        """Drake's collision checker on the plant."""
+        """Drake's `SceneGraphCollisionChecker` on the plant."""
         return self._built.checker
 
     @property
@@ -201,12 +209,12 @@ class PlanningScene:
         """All positions of the plant, for the planned ones `q`, (n,) or (N, n)."""
         full = np.empty((*np.shape(q)[:-1], len(self._rest)))
         full[...] = self._rest
-        full[..., self._columns] = q
+        full[..., self.columns] = q
         return full
 
     def part(self, full: Array) -> Array:
         """The planned joints of positions of the whole plant, (..., n)."""
-        return np.asarray(full[..., self._columns])
+        return np.asarray(full[..., self.columns])
 
     def pose(self, frame: Frame, q: Array) -> Array:
         """X_WF (4, 4) of a frame of the robot."""
@@ -233,11 +241,11 @@ class PlanningScene:
             world,
             world,
         )
-        return np.asarray(J[:, self._columns])
+        return np.asarray(J[:, self.columns])
 
-    def within_limits(self, q: Array) -> bool:
-        """Whether configurations (..., n) keep the joints' limits."""
-        return bool(((q >= self.lower) & (q <= self.upper)).all())
+    def within_limits(self, q: Array, slack: float = 0.0) -> bool:
+        """Whether configurations (..., n) keep the joints' limits, to `slack` rad."""
+        return bool(((q >= self.lower - slack) & (q <= self.upper + slack)).all())
 
     def set_other_joints(self, angles: Mapping[str, float]) -> None:
         """Says where joints are that are not planned, rad by name.

@@ -16,13 +16,16 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physim_drake.objects import ObjectModel
 from physim_drake.picking.lip_rays import plane_axes, surface_heights
 from physim_drake.poses import Array
 
 _RING_RAYS = 24
+_MARGIN_STEPS = 3
 _RAY_REACH = 0.03  # m
+_OVERHANG = 0.01  # m over the lip; what is higher hides the point
 _MAX_REFIT = np.radians(30.0)  # tilt of the fitted plane from the face's normal
 _GRAVITY = 9.81
 _SAME_SIDE = np.cos(np.radians(35.0))
@@ -38,6 +41,7 @@ class SuctionCup:
         depth: a dome under the cup may be this high over the lip's plane, m.
         margin: distance of the lip from an edge that is wished for, as an estimated
             pose errs; a point whose margin is zero is still one, of low quality, m.
+        length: of the straight tool behind the lip, that must not meet the object, m.
         holding_force: of the full vacuum, N.
         samples: points of the surface that are tried.
         spacing: points that face the same way are no nearer than this, m.
@@ -47,6 +51,7 @@ class SuctionCup:
     conformity: float = 0.002
     depth: float = 0.005
     margin: float = 0.006
+    length: float = 0.2
     holding_force: float = 35.0
     samples: int = 500
     spacing: float = 0.008
@@ -102,6 +107,7 @@ def suction_points(model: ObjectModel, cup: SuctionCup = SuctionCup()) -> Suctio
     gap = np.abs(ring - ring.mean(axis=1, keepdims=True)).max(axis=1)
     dome = -ring.mean(axis=1)
     seals = tilted & (gap < cup.conformity) & (dome < cup.depth)
+    seals[seals] = _accessible(model, cup, positions[seals], normals[seals])
     positions, normals = positions[seals], normals[seals]
     flatness = 1 - gap[seals] / cup.conformity
     leverage = _leverage(model, cup, positions, normals)
@@ -122,7 +128,7 @@ def _ring(radius: float) -> Array:
 
 def _seated(
     model: ObjectModel, cup: SuctionCup, positions: Array, normals: Array
-) -> tuple[Array, Array, np.ndarray]:
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Turns each cup so that its lip rests on the surface, as its bellows would let it.
 
     Returns:
@@ -137,14 +143,23 @@ def _seated(
         x, y = plane_axes(normals)
         fitted = normals - slopes[:, :1] * x - slopes[:, 1:] * y
         fitted /= np.linalg.norm(fitted, axis=1, keepdims=True)
-        found = np.isfinite(fitted).all(axis=1)
-        normals = np.where(found[:, None], fitted, normals)
+        found = np.asarray(np.isfinite(fitted).all(axis=1))
+        normals = np.asarray(np.where(found[:, None], fitted, normals))
     middle = surface_heights(
         model.mesh, positions, normals, np.zeros((1, 2)), _RAY_REACH
     )
     positions = positions + np.nan_to_num(middle) * normals
     seated = found & ((start * normals).sum(axis=1) > np.cos(_MAX_REFIT))
-    return positions, normals, seated & np.isfinite(middle[:, 0])
+    return positions, normals, np.asarray(seated & np.isfinite(middle[:, 0]))
+
+
+def _accessible(
+    model: ObjectModel, cup: SuctionCup, positions: Array, normals: Array
+) -> NDArray[np.bool_]:
+    """Whether the tool reaches a point, for instance not inside a ring, (N,)."""
+    bore = np.concatenate([_ring(cup.lip_radius), np.zeros((1, 2))])
+    heights = surface_heights(model.mesh, positions, normals, bore, cup.length)
+    return np.asarray((np.nan_to_num(heights, nan=-1.0) < _OVERHANG).all(axis=1))
 
 
 def _leverage(
@@ -170,21 +185,15 @@ def _margin(
     A wider ring on a curved surface falls away from the plane, so that only the part
     beyond what a sphere or cylinder through the lip would give counts as an edge.
     """
-    steps = np.array([1, 2, 3]) / 3
-    held = np.ones(len(positions), dtype=bool)
-    margin = np.zeros(len(positions))
-    lip = surface_heights(
-        model.mesh, positions, normals, _ring(cup.lip_radius), _RAY_REACH
-    )
-    for step in steps:
-        radius = cup.lip_radius + step * cup.margin
-        ring = surface_heights(
-            model.mesh, positions, normals, _ring(radius), _RAY_REACH
-        )
-        expected = lip * (radius / cup.lip_radius) ** 2
-        held &= (np.abs(ring - expected) < 2 * cup.conformity).all(axis=1)
-        margin[held] = step
-    return np.asarray(0.3 + 0.7 * margin)
+    radii = cup.lip_radius + cup.margin * np.arange(_MARGIN_STEPS + 1) / _MARGIN_STEPS
+    pattern = np.concatenate([_ring(radius) for radius in radii])
+    heights = surface_heights(model.mesh, positions, normals, pattern, _RAY_REACH)
+    rings = heights.reshape(len(positions), len(radii), _RING_RAYS)
+    expected = rings[:, :1] * (radii[:, None] / cup.lip_radius) ** 2
+    lies_on = (np.abs(rings - expected) < 2 * cup.conformity).all(axis=2)
+    # How many rings do, from the lip outward; the lip itself is the first.
+    held = np.cumprod(lies_on, axis=1).sum(axis=1) - 1
+    return np.asarray(0.3 + 0.7 * (held / _MARGIN_STEPS))
 
 
 def _spread(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from pydrake.math import BsplineBasis, KnotVectorType
@@ -74,7 +75,9 @@ class ArmTrajectory:
 
     def to_drake(self) -> PiecewisePolynomial:
         """The same as a trajectory for Drake's `TrajectorySource`."""
-        return PiecewisePolynomial.CubicHermite(self.times, self.q.T, self.v.T)
+        times, q, v = self.times, self.q.T, self.v.T
+        spline: PiecewisePolynomial = PiecewisePolynomial.CubicHermite(times, q, v)
+        return spline
 
     def _spline(self) -> CubicHermiteSpline:
         return CubicHermiteSpline(self.times, self.q, self.v)
@@ -120,9 +123,8 @@ def smooth_trajectory(
         return rest_trajectory(scene, path[0])
     for spacing in _SPACINGS:
         controls = _control_points(scene, path, spacing)
-        spline = _spline(controls)
-        if len(path) == 2 or _spline_free(scene, spline):
-            return _timed(scene, spline, pace)
+        if len(path) == 2 or _spline_free(scene, controls):
+            return _timed(scene, controls, pace)
     return None
 
 
@@ -136,7 +138,7 @@ def line_trajectory(
         path: (N, n), neighbours close together.
         pace: how fast.
     """
-    return _timed(scene, _spline(_at_least_four(path)), pace)
+    return _timed(scene, _at_least_four(path), pace)
 
 
 def _control_points(scene: PlanningScene, path: Array, spacing: float) -> Array:
@@ -155,25 +157,21 @@ def _at_least_four(points: Array) -> Array:
     return points
 
 
-def _spline(controls: Array) -> BsplineTrajectory:
+def _spline(controls: Array) -> Any:
+    """The clamped cubic B-spline of control points (N, n), over 0..1."""
     basis = BsplineBasis(4, len(controls), KnotVectorType.kClampedUniform, 0.0, 1.0)
-    return BsplineTrajectory(basis, controls.T)
+    return BsplineTrajectory(basis, [point[:, None] for point in controls])
 
 
-def _spline_free(scene: PlanningScene, spline: BsplineTrajectory) -> bool:
-    controls = np.array(spline.control_points())[..., 0]
+def _spline_free(scene: PlanningScene, controls: Array) -> bool:
     length = sum(map(scene.distance, controls[:-1], controls[1:]))
     count = int(np.ceil(length / scene.config.resolution)) + 2
-    points = spline.vector_values(np.linspace(0.0, 1.0, count)).T
+    points = _spline(controls).vector_values(np.linspace(0.0, 1.0, count)).T
     return scene.path_free(points)
 
 
-def _timed(
-    scene: PlanningScene, spline: BsplineTrajectory, pace: Pace
-) -> ArmTrajectory | None:
-    plant = scene.plant
-    controls = scene.full(np.array(spline.control_points())[..., 0])
-    path = BsplineTrajectory(spline.basis(), controls.T)
+def _timed(scene: PlanningScene, controls: Array, pace: Pace) -> ArmTrajectory | None:
+    plant, path = scene.plant, _spline(scene.full(controls))
     grid = Toppra.CalcGridPoints(
         path, CalcGridPointsOptions(max_err=1e-4, max_seg_length=0.02, min_points=80)
     )
@@ -193,9 +191,7 @@ def _timed(
     return _sampled(scene, PathParameterizedTrajectory(path, timing))
 
 
-def _sampled(
-    scene: PlanningScene, trajectory: PathParameterizedTrajectory
-) -> ArmTrajectory:
+def _sampled(scene: PlanningScene, trajectory: Any) -> ArmTrajectory:
     start, end = trajectory.start_time(), trajectory.end_time()
     count = max(int(np.ceil((end - start) / _SAMPLE_PERIOD)) + 1, 3)
     times = np.linspace(start, end, count)
