@@ -3,18 +3,13 @@
 
 from __future__ import annotations
 
-import base64
 import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from physim_drake.datasets.bop import ImageId
@@ -22,6 +17,7 @@ from physim_drake.evaluation.report import Summary, TargetErrors
 from physim_drake.files import write_atomically
 from physim_drake.poses import Array
 from physim_drake.rendering.overlay import draw_overlay
+from physim_drake.reporting.html import jpeg, png, render_page
 from physim_drake.reporting.study import (
     SUCCESS_CM,
     SUCCESS_DEG,
@@ -65,7 +61,8 @@ def write_report(
     names = [*(_LEVEL_NAMES.get(n, f"level {n}") for n in levels), "all"]
     rows = [_table_row(run, levels) for run in runs]
     shown = next((run for run in runs if len(run.curve)), runs[0])
-    page = _template().render(
+    page = render_page(
+        "page.html.j2",
         title=f"Pose estimation on {study.dataset.root.resolve().name}",
         images=len(study.images),
         targets=runs[0].report.overall.targets,
@@ -89,14 +86,6 @@ def write_report(
         file.write("\n")
     _write_tables(folder, names, rows, runs, quality)
     return path
-
-
-def _template() -> Any:
-    loader = PackageLoader("physim_drake.reporting", ".")
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return environment.get_template("page.html.j2")
 
 
 def _table_row(run: MethodRun, levels: Sequence[int]) -> dict[str, Any]:
@@ -197,12 +186,8 @@ def _curve_pictures(runs: Sequence[MethodRun]) -> list[dict[str, str]]:
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
         axes.legend()
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
         caption = f"Mean {quantity} error against expansions"
-        pictures.append(
-            {"png": base64.b64encode(buffer.getvalue()).decode(), "caption": caption}
-        )
+        pictures.append({"png": png(figure), "caption": caption})
     return pictures
 
 
@@ -227,10 +212,7 @@ def _badness(error: TargetErrors) -> float:
 def _overlay(study: Study, run: MethodRun, image: ImageId) -> str:
     observation = study.dataset.observation(*image)
     picture = draw_overlay(observation, run.estimates[image], study.library)
-    half = cv2.resize(picture, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
-    done, data = cv2.imencode(".jpg", np.ascontiguousarray(half[:, :, ::-1]))
-    assert done, "a colour image always encodes"
-    return base64.b64encode(data.tobytes()).decode()
+    return jpeg(picture, 0.6)
 
 
 def _caption(study: Study, image: ImageId, errors: Sequence[TargetErrors]) -> str:
