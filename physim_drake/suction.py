@@ -190,6 +190,8 @@ def find_seal(
     if not candidates:
         return NO_SEAL
     gaps = np.stack([gap for gap, _ in found])
+    if gaps.min() > config.lip_reach:
+        return NO_SEAL
     first = gaps.argmin(axis=0)
     foremost = first == np.arange(len(found))[:, None]
     touches = foremost & (gaps >= back) & (gaps <= config.lip_reach)
@@ -212,7 +214,8 @@ def _lie_on_plane(
         return 1.0, np.array([0.0, 0.0, -1.0]), 0.0
     terms = config.p_GL[touching].copy()
     terms[:, 2] = 1.0
-    b, c, a = np.linalg.lstsq(terms, gaps[touching], rcond=None)[0]
+    # Three points of a circle are never in line, so the plane is determined.
+    b, c, a = np.linalg.solve(terms.T @ terms, terms.T @ gaps[touching])
     normal = np.array([b, c, -1.0]) / math.sqrt(1 + b * b + c * c)
     if -normal[2] < math.cos(config.max_tilt):
         return 1.0, normal, float(a)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialForce, SpatialVelocity
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     CoulombFriction,
@@ -85,6 +87,7 @@ class Gantry:
         time_step: of the plant, s.
         approximation: of contact.
         wall: x of a fixed wall's face that looks towards -x, m.
+        tool: model of a gripper with a frame `cup`, instead of a bare cup.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class Gantry:
         time_step: float = 0.005,
         approximation: str = "lagged",
         wall: float | None = None,
+        tool: Path | None = None,
     ) -> None:
         config = config or SuctionConfig()
         builder = DiagramBuilder()
@@ -107,8 +111,8 @@ class Gantry:
         self.table = self._add_fixed("table", Box(2.0, 2.0, 0.1), [0, 0, -0.05])
         if wall is not None:
             self._add_fixed("wall", Box(0.1, 2.0, 2.0), [wall + 0.05, 0, 1.0])
-        self.cup = self._add_gantry()
-        add_cup_geometry(self.plant, self.cup, RigidTransform(), config)
+        cup_frame = self._add_tool(self._add_gantry(), config, tool)
+        self.cup: RigidBody = cup_frame.body()
         self.objects = [
             self._add_object(f"object_{n}", shape, mass)
             for n, (shape, mass) in enumerate(objects)
@@ -119,7 +123,7 @@ class Gantry:
             config,
             self.plant,
             scene_graph,
-            self.cup.body_frame(),
+            cup_frame,
             [*self.objects, self.table],
         )
         self._add_push(builder)
@@ -174,17 +178,29 @@ class Gantry:
             p, d = _DRIVES[joint.name()]
             actuator = plant.AddJointActuator(joint.name(), plant.AddJoint(joint))
             actuator.set_controller_gains(PdControllerGains(p=p, d=d))
-        cup: RigidBody = plant.AddRigidBody(
-            "cup",
-            self._instance,
-            SpatialInertia.SolidCylinderWithMass(0.03, 0.015, 0.03, [0, 0, 1]),
-        )
-        plant.WeldFrames(
-            wrist.body_frame(),
-            cup.body_frame(),
-            RigidTransform(_DOWN, [0, 0, -WRIST_TO_LIP]),
-        )
-        return cup
+        return wrist
+
+    def _add_tool(
+        self, hand: RigidBody, config: SuctionConfig, tool: Path | None
+    ) -> Any:
+        """Adds cup or gripper with its lip below the wrist; returns the lip's frame."""
+        plant, X_HG = self.plant, RigidTransform(_DOWN, [0, 0, -WRIST_TO_LIP])
+        if tool is None:
+            inertia = SpatialInertia.SolidCylinderWithMass(0.03, 0.015, 0.03, [0, 0, 1])
+            cup = plant.AddRigidBody("cup", self._instance, inertia)
+            plant.WeldFrames(hand.body_frame(), cup.body_frame(), X_HG)
+            add_cup_geometry(plant, cup, RigidTransform(), config)
+            return cup.body_frame()
+        alone = MultibodyPlant(0.0)
+        Parser(alone).AddModels(tool)
+        alone.Finalize()
+        mount, lip = alone.GetBodyByName("suction_gripper"), alone.GetFrameByName("cup")
+        X_MG = lip.CalcPose(alone.CreateDefaultContext(), mount.body_frame())
+        (instance,) = Parser(plant).AddModels(tool)
+        plant.set_gravity_enabled(instance, False)
+        mount = plant.GetBodyByName("suction_gripper", instance)
+        plant.WeldFrames(hand.body_frame(), mount.body_frame(), X_HG @ X_MG.inverse())
+        return plant.GetFrameByName("cup", instance)
 
     def _add_object(self, name: str, shape: Any, mass: float) -> RigidBody:
         body: RigidBody = self.plant.AddRigidBody(

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from physim_drake import models
 from physim_drake.errors import InputError
 from physim_drake.poses import rotation_angle
 from physim_drake.suction import SuctionConfig
@@ -266,6 +268,15 @@ def test_a_light_object_stays_still(time_step: float) -> None:
     gantry.wait(0.5)
     assert gantry.speed() < 1e-3
     assert drift(gantry, begin)[0] < 1e-4
+
+
+def test_the_bundled_gripper_lifts_a_box() -> None:
+    folder = Path(models.__file__).parent / "suction_gripper"
+    gantry = held_block(tool=folder / "suction_gripper.sdf")
+    begin = gantry.X_GO()
+    gantry.move(0.2, TOP + 0.3, time=0.6)
+    assert drift(gantry, begin)[0] < 0.002
+    assert gantry.X_WO().translation()[2] > 0.3
 
 
 def test_only_the_object_under_the_cup_is_picked() -> None:
