@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.schema import Transform
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+from pydrake.geometry import Meshcat, MeshcatVisualizer, Role, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     ModelDirectives,
@@ -36,6 +36,7 @@ from physim_drake.picking.start import PlacedModel
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.trajectories import rest_trajectory
 from physim_drake.picking.workspace import TableDetector
+from physim_drake.suction_contact import add_cup_geometry
 from physim_drake.systems.detector import DetectionAlgorithm, OracleDetector
 from physim_drake.systems.object_instances import (
     find_object_instances,
@@ -105,6 +106,7 @@ class PickCell:
         self.plant, scene_graph = AddMultibodyPlant(scenario.plant_config, builder)
         scene_graph.set_config(scenario.scene_graph_config)
         robot = self._add_models(models)
+        self._add_cup(scene_graph)
         self.plant.Finalize()
         self._set_rest(models)
         self.instances = find_object_instances(self.plant, library, {})
@@ -154,6 +156,20 @@ class PickCell:
             if actuator.model_instance() == robot:
                 actuator.set_controller_gains(gains)
         return robot
+
+    def _add_cup(self, scene_graph: SceneGraph) -> None:
+        """Makes the cup touch as the gripper's model of it does.
+
+        The shape in the robot's model is there for the planner, which knows nothing of
+        a bellows' stroke.
+        """
+        plant = self.plant
+        lip = find_frame(plant, self._scenario.planner.tool_frame)
+        cup = lip.body()
+        for geometry in plant.GetCollisionGeometriesForBody(cup):
+            scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+        X_BG = lip.GetFixedPoseInBodyFrame()
+        add_cup_geometry(plant, cup, X_BG, self._scenario.gripper)
 
     def _set_rest(self, models: Sequence[PlacedModel]) -> None:
         """Robot at home, objects where they begin."""

@@ -18,6 +18,7 @@ from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
 from physim_drake.cli.generate import generate
 from physim_drake.cli.models import models_app
+from physim_drake.cli.pick import pick
 from physim_drake.cli.report import report
 from physim_drake.errors import PhysimError
 
@@ -33,6 +34,7 @@ app.command(cls=EstimateCommand)(estimate)
 app.command()(evaluate)
 app.command()(report)
 app.command()(generate)
+app.command()(pick)
 app.command()(doctor)
 app.add_typer(models_app, name="models")
 

@@ -17,6 +17,7 @@ from physim_drake.picking.policy import PickCandidate, PickOrder
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array, inverse, transform_points
 
+_PILE = 0.35  # m; what is let go lies no higher over the tote's floor
 _SAME_POINT = 0.012  # m; a point nearer to one that did not seal is not tried again
 
 
@@ -55,7 +56,8 @@ class Tote:
     def holds(self, p_W: Array) -> bool:
         """Whether a point (3,) is above or in the tote."""
         p_T = transform_points(inverse(self.X_WT), p_W[None])[0]
-        return bool((np.abs(p_T[:2]) <= self.half_extents).all() and p_T[2] > -0.05)
+        inside = (np.abs(p_T[:2]) <= self.half_extents).all()
+        return bool(inside and -0.05 < p_T[2] < _PILE)
 
 
 @dataclass(frozen=True)

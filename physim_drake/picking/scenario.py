@@ -152,7 +152,7 @@ def _views() -> tuple[ViewpointConfig, ...]:
         ViewpointConfig(180.0, 75.0, 0.60),
         ViewpointConfig(-110.0, 60.0, 0.58),
         ViewpointConfig(110.0, 60.0, 0.58),
-        ViewpointConfig(0.0, 65.0, 0.58),
+        ViewpointConfig(45.0, 60.0, 0.55),
     )
 
 
