@@ -29,7 +29,9 @@ from physim_drake.poses import Array
 _SPACINGS = (0.2, 0.1, 0.05, 0.025, 0.0125)
 """m of motion between control points; wide ones make fast corners."""
 
-_SAMPLE_PERIOD = 0.01  # s
+_MIN_LENGTH = 1e-6  # m
+_MAX_STEP = 0.02  # s between samples
+_MIN_STEP = 1e-5
 _MIN_DURATION = 0.02  # s
 
 
@@ -119,10 +121,12 @@ def smooth_trajectory(
     Returns:
         the motion; None where no rounding is free, or the timing fails.
     """
-    if scene.distance(path[0], path[-1]) < 1e-6 and len(path) == 2:
+    ends = np.cumsum([0.0, *(scene.distance(a, b) for a, b in pairwise(path))])
+    if ends[-1] < _MIN_LENGTH:
         return rest_trajectory(scene, path[0])
     for spacing in _SPACINGS:
-        controls = _control_points(scene, path, spacing)
+        count = int(np.ceil(ends[-1] / spacing)) + 3
+        controls = _control_points(path, ends / ends[-1], count)
         if len(path) == 2 or _spline_free(scene, controls):
             return _timed(scene, controls, pace)
     return None
@@ -131,30 +135,32 @@ def smooth_trajectory(
 def line_trajectory(
     scene: PlanningScene, path: Array, pace: Pace
 ) -> ArmTrajectory | None:
-    """Times a dense path that is smooth already; its points are the control points.
+    """Times a dense path that is smooth already.
 
     Args:
         scene: the robot.
-        path: (N, n), neighbours close together.
+        path: (N, n), neighbours close together and evenly spaced.
         pace: how fast.
     """
-    return _timed(scene, _at_least_four(path), pace)
+    places = np.linspace(0.0, 1.0, len(path))
+    return _timed(scene, _control_points(path, places, len(path) + 2), pace)
 
 
-def _control_points(scene: PlanningScene, path: Array, spacing: float) -> Array:
-    points = [path[:1]]
-    for a, b in pairwise(path):
-        count = max(int(np.ceil(scene.distance(a, b) / spacing)), 1)
-        points.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
-    return _at_least_four(np.concatenate(points))
+def _control_points(path: Array, places: Array, count: int) -> Array:
+    """Control points on a polyline, where a spline follows straight lines evenly.
 
+    At the Greville abscissae, the means of three knots, a cubic spline's control points
+    reproduce a linear motion; the clamped ends would else be run through faster.
 
-def _at_least_four(points: Array) -> Array:
-    """A cubic spline has four control points or more; short paths are subdivided."""
-    while len(points) < 4:
-        middle = (points[:-1] + points[1:]) / 2
-        points = np.insert(points, np.arange(1, len(points)), middle, axis=0)
-    return points
+    Args:
+        path: (N, n).
+        places: of its points along the spline's parameter, (N,), from 0 to 1.
+        count: number of control points, at least 4.
+    """
+    knots = np.concatenate([[0.0] * 3, np.linspace(0, 1, count - 2), [1.0] * 3])
+    greville = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3
+    columns = [np.interp(greville, places, column) for column in path.T]
+    return np.stack(columns, axis=1)
 
 
 def _spline(controls: Array) -> Any:
@@ -188,14 +194,24 @@ def _timed(scene: PlanningScene, controls: Array, pace: Pace) -> ArmTrajectory |
     timing = toppra.SolvePathParameterization()
     if timing is None:
         return None
-    return _sampled(scene, PathParameterizedTrajectory(path, timing))
+    return _sampled(scene, PathParameterizedTrajectory(path, timing), timing)
 
 
-def _sampled(scene: PlanningScene, trajectory: Any) -> ArmTrajectory:
-    start, end = trajectory.start_time(), trajectory.end_time()
-    count = max(int(np.ceil((end - start) / _SAMPLE_PERIOD)) + 1, 3)
-    times = np.linspace(start, end, count)
+def _sampled(scene: PlanningScene, trajectory: Any, timing: Any) -> ArmTrajectory:
+    """Samples a motion where its acceleration jumps, and in between.
+
+    Toppra's acceleration is constant along the path between its grid points; cubics
+    that end there follow it, others would overshoot the limits by a tenth.
+    """
+    knots = np.array(timing.get_segment_times())
+    knots = knots[np.append(True, np.diff(knots) > _MIN_STEP)]
+    counts = np.ceil(np.diff(knots) / _MAX_STEP).astype(int)
+    pieces = [
+        np.linspace(a, b, n, endpoint=False)
+        for (a, b), n in zip(pairwise(knots), counts, strict=True)
+    ]
+    times = np.concatenate([*pieces, [timing.end_time()]])
     q = scene.part(trajectory.vector_values(times).T)
     v = scene.part(np.stack([trajectory.EvalDerivative(t, 1)[:, 0] for t in times]))
     v[0] = v[-1] = 0.0
-    return ArmTrajectory(scene.config.joints, times - start, q, v)
+    return ArmTrajectory(scene.config.joints, times - times[0], q, v)
