@@ -7,6 +7,7 @@ workers can share the scenes out in any way.
 
 from __future__ import annotations
 
+import gc
 import os
 import secrets
 import shutil
@@ -183,6 +184,9 @@ def _look_at(
         )
         views.append(view)
         detections.append(_detections(view, scene.object_ids, view_config, rng))
+    if view_config.vivid:
+        # Drake's renderers are parts of cycles that hold memory Python does not see.
+        gc.collect()
     return SceneRecord(scene, tuple(views), tuple(detections))
 
 
