@@ -12,12 +12,12 @@ from physim_drake.camera_presets import PRESETS
 from physim_drake.errors import InputError
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.arm_planner import ArmPlanner
-from physim_drake.picking.choice import Tote
 from physim_drake.picking.planner_config import PlanFailure
 from physim_drake.picking.planning_plant import find_frame
 from physim_drake.picking.policy import PickConditions
 from physim_drake.picking.scenario import PickScenario, RegionConfig
 from physim_drake.picking.suction_points import SuctionCup
+from physim_drake.picking.tote import Tote
 from physim_drake.picking.viewpoints import look_at
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 

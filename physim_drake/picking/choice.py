@@ -14,10 +14,10 @@ from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.arm_planner import PickPlan, drop_pose
 from physim_drake.picking.planner_config import HeldObject, PlanFailure
 from physim_drake.picking.policy import PickCandidate, PickOrder
+from physim_drake.picking.tote import Fills, Tote
 from physim_drake.picking.trajectories import ArmTrajectory
-from physim_drake.poses import Array, inverse, transform_points
+from physim_drake.poses import Array
 
-_PILE = 0.35  # m; what is let go lies no higher over the tote's floor
 _SAME_POINT = 0.012  # m; a point nearer to one that did not seal is not tried again
 
 
@@ -40,34 +40,13 @@ class MotionPlanner(Protocol):
 
 
 @dataclass(frozen=True)
-class Tote:
-    """Where objects go.
-
-    Attributes:
-        X_WT: pose of its floor's middle, z up, (4, 4).
-        half_extents: of the floor along its x and y, (2,), m.
-        drops: points above which objects are let go, used in turn, p_WD (N, 3), m.
-    """
-
-    X_WT: Array
-    half_extents: Array
-    drops: Array
-
-    def holds(self, p_W: Array) -> bool:
-        """Whether a point (3,) is above or in the tote."""
-        p_T = transform_points(inverse(self.X_WT), p_W[None])[0]
-        inside = (np.abs(p_T[:2]) <= self.half_extents).all()
-        return bool(inside and -0.05 < p_T[2] < _PILE)
-
-
-@dataclass(frozen=True)
 class Choice:
     """What is picked next, or why nothing is.
 
     Attributes:
         pick: the pick; None where there is none.
         carry: its object's way to the tote.
-        drop: index of the tote's point that it goes to.
+        drop: number of the tote's drop that it goes to.
         reasons: why what came before it was not chosen, by the objects' names.
     """
 
@@ -83,7 +62,7 @@ def choose(
     library: ObjectLibrary,
     tote: Tote,
     q: Array,
-    next_drop: int,
+    fills: Fills,
     failed_points: Mapping[int, tuple[Array, ...]],
     max_plans: int,
 ) -> Choice:
@@ -95,7 +74,7 @@ def choose(
         library: the objects.
         tote: where objects go.
         q: where the arm is, (n,).
-        next_drop: the tote's point to begin with.
+        fills: how full the tote is.
         failed_points: points that did not seal, by object id, p_O (3,).
         max_plans: so many candidates are tried.
     """
@@ -111,12 +90,12 @@ def choose(
         planned += 1
         try:
             pick = planner.plan_pick(q, candidate)
-            carry, drop = _plan_carry(planner, pick, library, tote, next_drop)
+            carry, drop = _plan_carry(planner, pick, library, tote, fills)
         except PlanFailure as failure:
             reasons.setdefault(candidate.name, str(failure))
             continue
         return Choice(pick, carry, drop, reasons)
-    return Choice(None, None, next_drop, reasons)
+    return Choice(None, None, 0, reasons)
 
 
 def _failed_before(
@@ -133,12 +112,11 @@ def _plan_carry(
     pick: PickPlan,
     library: ObjectLibrary,
     tote: Tote,
-    next_drop: int,
+    fills: Fills,
 ) -> tuple[ArmTrajectory, int]:
     failure: PlanFailure | None = None
-    for n in range(len(tote.drops)):
-        drop = (next_drop + n) % len(tote.drops)
-        X_WG = drop_pose(library, pick.held, tote.drops[drop])
+    for drop, p_WD in tote.drop_points(fills):
+        X_WG = drop_pose(library, pick.held, p_WD)
         try:
             return planner.plan_place(pick.retreat.end, X_WG, pick.held), drop
         except PlanFailure as error:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 from physim_drake.estimate import SceneEstimate
 from physim_drake.objects import ObjectLibrary
-from physim_drake.picking.choice import Choice, MotionPlanner, Tote, choose
+from physim_drake.picking.choice import Choice, MotionPlanner, choose
 from physim_drake.picking.known_scene import (
     described,
     merged,
@@ -35,6 +35,7 @@ from physim_drake.picking.task_state import (
     TaskInputs,
     TaskState,
 )
+from physim_drake.picking.tote import Tote
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array
 
@@ -73,7 +74,7 @@ class PickTask:
         Args:
             rest: a motion that stays where the arm is.
         """
-        return TaskState.at_rest(rest)
+        return TaskState.at_rest(rest, self.tote.empty)
 
     def step(self, state: TaskState, inputs: TaskInputs) -> TaskState:
         """What the task wants from now on; the very state where nothing changes."""
@@ -165,7 +166,9 @@ class PickTask:
             failures=0,
             view=0,
             placed=state.placed | {candidate.object_id},
-            next_drop=(state.next_drop + 1) % len(self.tote.drops),
+            fills=self.tote.filled(
+                state.fills, state.drop, state.pick.held, self.library
+            ),
         )
         text = f"{candidate.name} is let go over the tote"
         noted = placed.noted(time, EventKind.PLACED, text, candidate.name)
@@ -248,7 +251,7 @@ class PickTask:
             self.library,
             self.tote,
             state.q,
-            state.next_drop,
+            state.fills,
             state.failed_points,
             self.config.max_plans,
         )
@@ -269,7 +272,7 @@ class PickTask:
             state,
             pick=pick,
             carry=choice.carry,
-            next_drop=choice.drop,
+            drop=choice.drop,
             tries={**state.tries, candidate.object_id: tries},
             obstacles=without_object(known, candidate.index),
         )

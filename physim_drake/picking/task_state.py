@@ -10,6 +10,7 @@ from enum import StrEnum
 from physim_drake.estimate import SceneEstimate
 from physim_drake.picking.arm_planner import PickPlan
 from physim_drake.picking.known_scene import NOTHING_KNOWN
+from physim_drake.picking.tote import Fills
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array
 
@@ -119,7 +120,8 @@ class TaskState:
         obstacles: what was known of it before, without what was picked since.
         pick: the pick being executed.
         carry: the motion that takes its object to the tote.
-        next_drop: which point of the tote is used next.
+        drop: number of the tote's drop that it goes to.
+        fills: how full the tote is thought to be.
         tries: executed picks by object id.
         failed_points: by object id, suction points that did not seal, p_O (3,).
         placed: objects that were let go over the tote, by object id.
@@ -140,7 +142,8 @@ class TaskState:
     obstacles: SceneEstimate = NOTHING_KNOWN
     pick: PickPlan | None = None
     carry: ArmTrajectory | None = None
-    next_drop: int = 0
+    drop: int = 0
+    fills: Fills = ()
     tries: Mapping[int, int] = field(default_factory=dict)
     failed_points: Mapping[int, tuple[Array, ...]] = field(default_factory=dict)
     placed: frozenset[int] = frozenset()
@@ -152,13 +155,14 @@ class TaskState:
         return self
 
     @classmethod
-    def at_rest(cls, rest: ArmTrajectory) -> TaskState:
+    def at_rest(cls, rest: ArmTrajectory, fills: Fills) -> TaskState:
         """At time 0, before the first look.
 
         Args:
             rest: a motion that stays where the arm is.
+            fills: how full the tote is.
         """
-        return cls(Phase.RETREAT, 0.0, Motion(rest, -rest.duration))
+        return cls(Phase.RETREAT, 0.0, Motion(rest, -rest.duration), fills=fills)
 
     @property
     def q(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.observation import Detection, RgbdObservation
-from physim_drake.picking.choice import Tote
+from physim_drake.picking.tote import Tote
 from physim_drake.poses import Array, transform_points
 
 _MIDDLE = 0.5  # share of a box's sides that is looked at

@@ -11,12 +11,12 @@ import pytest
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.arm_planner import PickPlan
-from physim_drake.picking.choice import Tote
 from physim_drake.picking.planner_config import HeldObject, PlanFailure
 from physim_drake.picking.policy import PickCandidate, PickConditions
 from physim_drake.picking.scenario import TaskConfig
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.task_state import EventKind, Phase, TaskInputs, TaskState
+from physim_drake.picking.tote import Tote
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array, make_pose
 from tests.picking.scenes import estimate_of

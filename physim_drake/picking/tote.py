@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: MIT
+"""The tote that objects go to, and how full it is thought to be where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from physim_drake.objects import ObjectLibrary
+from physim_drake.picking.planner_config import HeldObject
+from physim_drake.poses import Array, inverse, transform_points
+
+_PILE = 0.35  # m; what is let go lies no higher over the tote's floor
+_BELOW = 0.05  # m; nor lower
+
+Fills = tuple[float, ...]
+"""How high the tote is filled below each of its drops, m."""
+
+
+@dataclass(frozen=True)
+class Tote:
+    """Where objects go.
+
+    Attributes:
+        X_WT: pose of its floor's middle, z up, (4, 4).
+        half_extents: of the floor along its x and y, (2,), m.
+        drops: points above which objects are let go while it is empty, p_WD (N, 3), m.
+    """
+
+    X_WT: Array
+    half_extents: Array
+    drops: Array
+
+    @property
+    def empty(self) -> Fills:
+        """Nothing is in it yet."""
+        return (0.0,) * len(self.drops)
+
+    def holds(self, p_W: Array) -> bool:
+        """Whether a point (3,) is above or in the tote."""
+        p_T = transform_points(inverse(self.X_WT), p_W[None])[0]
+        inside = (np.abs(p_T[:2]) <= self.half_extents).all()
+        return bool(inside and -_BELOW < p_T[2] < _PILE)
+
+    def drop_points(self, fills: Fills) -> list[tuple[int, Array]]:
+        """The drops, where the tote is least full first, at their height now.
+
+        Returns:
+            number and p_WD (3,) of each.
+        """
+        up = self.X_WT[:3, 2]
+        order = np.argsort(fills, kind="stable")
+        return [(int(n), self.drops[n] + fills[n] * up) for n in order]
+
+    def filled(
+        self, fills: Fills, drop: int, held: HeldObject, library: ObjectLibrary
+    ) -> Fills:
+        """How full it is once an object was let go at a drop, upright as it was held.
+
+        Args:
+            fills: how full it was.
+            drop: where.
+            held: the object, and how it hung at the cup.
+            library: its model.
+        """
+        vertices = np.asarray(library[held.object_id].mesh.vertices)
+        p_G = transform_points(held.X_GO, vertices)
+        radius = float(np.linalg.norm(p_G[:, :2], axis=1).max())
+        top = fills[drop] + float(np.ptp(p_G[:, 2]))
+        apart = np.linalg.norm(self.drops - self.drops[drop], axis=1)
+        return tuple(
+            max(fill, top) if d <= radius else fill
+            for fill, d in zip(fills, apart, strict=True)
+        )
