@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""A trained network as a detector: colour in, detections with masks out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from physim_drake.camera import DepthImage
+from physim_drake.detection.networks import ObjectClass
+from physim_drake.detection.weights import load_weights
+from physim_drake.errors import InputError
+from physim_drake.observation import Detection
+
+_MASK_LEVEL = 0.5
+
+
+class NetworkDetector:
+    """Finds objects with a network.
+
+    Args:
+        network: `FasterRcnn`, or one that is called like it.
+        classes: label k is the k-th of them, from 1.
+        channels: of the images it takes, 3, or 4 with depth.
+        threads: CPU threads it may use; torch's own number where it is None.
+        device: where it runs.
+
+    Attributes:
+        classes: as given.
+        channels: as given.
+    """
+
+    def __init__(
+        self,
+        network: nn.Module,
+        classes: tuple[ObjectClass, ...],
+        channels: int = 3,
+        threads: int | None = None,
+        device: torch.device | None = None,
+    ) -> None:
+        self._device = torch.device("cpu") if device is None else device
+        self._network = network.to(self._device).eval()
+        self._threads = threads
+        self.classes, self.channels = classes, channels
+
+    @classmethod
+    def load(
+        cls,
+        path: Path,
+        threads: int | None = None,
+        device: torch.device | None = None,
+    ) -> NetworkDetector:
+        """Reads weights that `physim-drake train` wrote.
+
+        Raises:
+            InputError: where they cannot be used.
+        """
+        weights = load_weights(path)
+        channels = weights.network.config.channels
+        return cls(weights.network, weights.classes, channels, threads, device)
+
+    def detect(
+        self,
+        color: NDArray[np.uint8],
+        depth: DepthImage | None = None,
+        least_score: float = 0.05,
+    ) -> tuple[Detection, ...]:
+        """Finds objects in an image.
+
+        Args:
+            color: (height, width, 3) RGB.
+            depth: (height, width), m, 0 where it was not measured; needed by networks
+                of four channels only.
+            least_score: detections of less are dropped.
+
+        Returns:
+            detections with masks, best first.
+
+        Raises:
+            InputError: where the network takes depth and there is none.
+        """
+        image = self._tensor(color, depth)
+        before = torch.get_num_threads()
+        try:
+            if self._threads is not None:
+                torch.set_num_threads(self._threads)
+            with torch.inference_mode():
+                result = self._network([image.to(self._device)])[0]
+        finally:
+            torch.set_num_threads(before)
+        return tuple(
+            Detection(
+                self.classes[label - 1].object_id,
+                box.astype(float),
+                float(score),
+                mask,
+            )
+            for box, label, score, mask in zip(
+                result["boxes"].cpu().numpy(),
+                result["labels"].tolist(),
+                result["scores"].tolist(),
+                (result["masks"][:, 0] >= _MASK_LEVEL).cpu().numpy(),
+                strict=True,
+            )
+            if score >= least_score
+        )
+
+    def _tensor(
+        self, color: NDArray[np.uint8], depth: DepthImage | None
+    ) -> torch.Tensor:
+        planes = [color.transpose(2, 0, 1).astype(np.float32) / np.float32(255.0)]
+        if self.channels == 4:
+            if depth is None:
+                raise InputError(
+                    "image", "has no depth, which the network takes", "give depth"
+                )
+            planes.append(depth[None].astype(np.float32))
+        return torch.from_numpy(np.concatenate(planes))

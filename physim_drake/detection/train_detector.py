@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: MIT
+"""From object models to a trained detector: scenes, packed images, training, test."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import cv2
+import torch
+from torch import nn
+
+from physim_drake.datasets.bop import BopDataset
+from physim_drake.detection.augmentation import AugmentationConfig, Augmenter
+from physim_drake.detection.config import NetworkConfig
+from physim_drake.detection.detector import NetworkDetector
+from physim_drake.detection.judging import judge_detector
+from physim_drake.detection.metrics import AveragePrecision
+from physim_drake.detection.networks import (
+    Network,
+    ObjectClass,
+    classes_of,
+    make_network,
+)
+from physim_drake.detection.training import Trainer, TrainingConfig
+from physim_drake.detection.training_images import TrainingImages, pack_images
+from physim_drake.detection.training_log import TrainingLog
+from physim_drake.detection.training_scenes import SceneSetConfig, generate_scene_set
+from physim_drake.detection.weights import load_weights, save_weights
+from physim_drake.errors import InputError
+from physim_drake.files import make_folder
+from physim_drake.objects import ObjectLibrary
+
+WEIGHTS_FILE, STATE_FILE, PACKED_FOLDER = (
+    "detector.safetensors",
+    "state.safetensors",
+    "packed",
+)
+
+_PACKED_SIDE = 8 / 7  # packed images by those of the network; zooming in needs more
+_QUICK_TEST = 50  # images of a test on the way
+
+Progress = Callable[[str, int, int, str], None]
+"""Is told a stage, how much of it is done, of how much, and what else is to be said."""
+
+
+@dataclass(frozen=True)
+class TrainDetectorConfig:
+    """Everything that can be set about training a detector.
+
+    Attributes:
+        scenes: what is generated.
+        network: what learns.
+        training: how.
+        augmentation: how images are changed.
+        data: a dataset with visible masks to learn from, instead of generated scenes.
+        start: weights to start from, instead of random ones.
+    """
+
+    scenes: SceneSetConfig = field(default_factory=SceneSetConfig)
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
+    augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
+    data: Path | None = None
+    start: Path | None = None
+
+
+class DetectorTraining:
+    """A training run in a folder.
+
+    Args:
+        out: the folder; is made, and must be empty without `resume`.
+        library: the objects to find.
+        config: of the run.
+        workers: processes that generate scenes.
+        device: where the network learns.
+        resume: go on with what an earlier run left.
+        progress: is told how it goes.
+    """
+
+    def __init__(
+        self,
+        out: Path,
+        library: ObjectLibrary,
+        config: TrainDetectorConfig,
+        workers: int = 1,
+        device: torch.device | None = None,
+        resume: bool = False,
+        progress: Progress = lambda stage, done, total, text: None,
+    ) -> None:
+        if len(library) == 0:
+            raise InputError(library.source, "holds no object", "give object models")
+        self._out, self._library, self._config = out, library, config
+        self._workers, self._progress = workers, progress
+        self._device = torch.device("cpu") if device is None else device
+        self._classes = classes_of(library)
+        make_folder(out)
+        if any(out.iterdir()) and not resume:
+            raise InputError(
+                out, "is not empty", "choose a new folder, or --resume an earlier run"
+            )
+
+    def run(self) -> AveragePrecision:
+        """Makes what is missing, trains, and judges the result on the test images.
+
+        Raises:
+            InputError: where settings, files or data cannot be used.
+            PhysimError: where a scene cannot be made.
+        """
+        network = self._network()
+        data = self._data()
+        test = BopDataset(self._generate(test=True))
+        images = self._pack(data)
+        labels = {c.object_id: k for k, c in enumerate(self._classes, start=1)}
+        size = _sample_size(images, self._config.network.image_size)
+        augmenter = Augmenter(
+            images, labels, size, self._config.augmentation, self._config.training.seed
+        )
+        log = TrainingLog(self._out, self._settings())
+        cv2.setNumThreads(1)  # torch has the cores
+        trainer = Trainer(
+            network,
+            augmenter,
+            self._config.training,
+            self._device,
+            self._out / STATE_FILE,
+            log,
+        )
+        trainer.run(
+            lambda weights: save_weights(
+                self._out / WEIGHTS_FILE, weights, self._config.network, self._classes
+            ),
+            lambda averaged, step: self._test(averaged, test, step, log),
+            lambda step, losses: self._tell(step, losses, log),
+        )
+        result, _ = judge_detector(
+            NetworkDetector.load(self._out / WEIGHTS_FILE), test, test.images()
+        )
+        log.tests = [e for e in log.tests if e["step"] < trainer.step]
+        log.add_test(trainer.step, result, len(test.images()))
+        log.write()
+        return result
+
+    def _network(self) -> Network:
+        config = self._config
+        torch.manual_seed(config.training.seed)
+        network = make_network(config.network, len(self._classes))
+        if config.start is not None:
+            weights = load_weights(config.start)
+            if weights.classes != self._classes or (
+                weights.network.config != config.network
+            ):
+                raise InputError(
+                    config.start,
+                    "are weights of another network or other classes: "
+                    f"{_names(weights.classes)}, not {_names(self._classes)}",
+                    "train from the beginning",
+                )
+            network.load_state_dict(weights.network.state_dict())
+        return network
+
+    def _data(self) -> BopDataset:
+        if self._config.data is None:
+            return BopDataset(self._generate(test=False))
+        return BopDataset(self._config.data)
+
+    def _generate(self, *, test: bool) -> Path:
+        scenes = self._config.scenes
+        total = scenes.test_scenes if test else scenes.scenes
+        stage = "test scenes" if test else "scenes"
+        root = generate_scene_set(
+            self._out,
+            self._library,
+            scenes,
+            self._workers,
+            lambda done: self._progress(stage, done, total, ""),
+            test=test,
+        )
+        gc.collect()  # renderers hold contexts of the graphics library
+        return root
+
+    def _pack(self, data: BopDataset) -> TrainingImages:
+        total = len(data.images())
+        images = pack_images(
+            data,
+            self._out / PACKED_FOLDER,
+            round(self._config.network.image_size * _PACKED_SIDE),
+            self._config.network.channels == 4,
+            lambda done: self._progress("packed images", done, total, ""),
+        )
+        known = {c.object_id for c in self._classes}
+        shown = images.object_ids
+        if not shown:
+            raise InputError(data.root, "shows no object", "give images with masks")
+        if strangers := sorted(shown - known):
+            raise InputError(
+                data.root,
+                f"shows object {strangers[0]}, of which there is no model",
+                "give the models that belong to the data",
+            )
+        return images
+
+    def _test(
+        self, network: nn.Module, test: BopDataset, step: int, log: TrainingLog
+    ) -> None:
+        images = test.images()[:_QUICK_TEST]
+        channels = self._config.network.channels
+        detector = NetworkDetector(
+            network, self._classes, channels, device=self._device
+        )
+        result, _ = judge_detector(detector, test, images)
+        log.add_test(step, result, len(images))
+        self._progress("test", step, self._config.training.steps, str(result))
+
+    def _tell(self, step: int, losses: dict[str, float], log: TrainingLog) -> None:
+        text = " ".join(
+            f"{name.removeprefix('loss_')} {value:.3f}"
+            for name, value in losses.items()
+        )
+        self._progress("steps", step, self._config.training.steps, text)
+
+    def _settings(self) -> dict[str, object]:
+        config = self._config
+        return {
+            "classes": [asdict(c) for c in self._classes],
+            "network": config.network.as_dict(),
+            "training": asdict(config.training),
+            "augmentation": asdict(config.augmentation),
+            "scenes": asdict(config.scenes),
+            "data": None if config.data is None else str(config.data.resolve()),
+            "start": None if config.start is None else str(config.start.resolve()),
+        }
+
+
+def _sample_size(images: TrainingImages, longer_side: int) -> tuple[int, int]:
+    """Height and width of samples: the shape of the images, the network's size."""
+    height, width = images.size
+    factor = longer_side / max(height, width)
+    return round(height * factor), round(width * factor)
+
+
+def _names(classes: tuple[ObjectClass, ...]) -> str:
+    return ", ".join(f"{c.object_id} {c.name}" for c in classes)

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: MIT
+"""The images of a dataset as arrays on disk, quick to draw from at random.
+
+Decoding PNG files again and again would cost a good part of the training time. They
+are decoded once, reduced, and kept as plain NumPy arrays that are mapped into memory.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from physim_drake.datasets.bop import BopDataset
+from physim_drake.datasets.json_nodes import read_json
+from physim_drake.errors import InputError
+from physim_drake.files import cannot_write, make_folder
+from physim_drake.observation import Detection
+
+_NOTES = "images.json"
+_DEPTH_UNIT = 1e-4  # m
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class LabelledImage:
+    """An image and the objects in it.
+
+    Attributes:
+        color: (height, width, 3) uint8 RGB.
+        labels: (height, width) uint8, k where the k-th object is seen, 0 elsewhere.
+        object_ids: of the objects.
+        depth: (height, width) float32, m, 0 where it was not measured; or None.
+    """
+
+    color: NDArray[np.uint8]
+    labels: NDArray[np.uint8]
+    object_ids: tuple[int, ...]
+    depth: NDArray[np.float32] | None = None
+
+
+class TrainingImages:
+    """The packed images of a dataset.
+
+    Args:
+        folder: where `pack_images` put them.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        notes = read_json(folder / _NOTES).value
+        self._object_ids: list[list[int]] = notes["object_ids"]
+        self._color = np.load(folder / "color.npy", mmap_mode="r")
+        self._labels = np.load(folder / "labels.npy", mmap_mode="r")
+        self._depth = None
+        if (folder / "depth.npy").exists():
+            self._depth = np.load(folder / "depth.npy", mmap_mode="r")
+
+    def __len__(self) -> int:
+        return len(self._object_ids)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the images, px."""
+        height, width = self._labels.shape[1:]
+        return height, width
+
+    @property
+    def object_ids(self) -> set[int]:
+        """The objects that are seen in any image."""
+        return {i for ids in self._object_ids for i in ids}
+
+    def __getitem__(self, index: int) -> LabelledImage:
+        depth = None
+        if self._depth is not None:
+            depth = self._depth[index].astype(np.float32) * np.float32(_DEPTH_UNIT)
+        return LabelledImage(
+            np.array(self._color[index]),
+            np.array(self._labels[index]),
+            tuple(self._object_ids[index]),
+            depth,
+        )
+
+
+def pack_images(
+    dataset: BopDataset,
+    folder: Path,
+    longer_side: int,
+    depth: bool,
+    progress: Progress = lambda done: None,
+) -> TrainingImages:
+    """Reduces the images of a dataset and writes them as arrays, unless they are there.
+
+    Args:
+        dataset: with visible masks, all its images of one size.
+        folder: where the arrays go.
+        longer_side: of the reduced images, px.
+        depth: whether depth is packed too.
+        progress: is told how many images are done.
+
+    Raises:
+        InputError: where the dataset has no image, files in it cannot be used, or the
+            arrays cannot be written.
+    """
+    if not (folder / _NOTES).exists():
+        images = dataset.images()
+        if not images:
+            raise InputError(dataset.root, "holds no image", "generate some")
+        scratch = folder.with_name(f".{folder.name}.tmp")
+        shutil.rmtree(scratch, ignore_errors=True)
+        make_folder(scratch)
+        try:
+            _write(dataset, scratch, longer_side, depth, progress)
+            scratch.rename(folder)
+        except OSError as error:
+            raise cannot_write(folder, error) from error
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    return TrainingImages(folder)
+
+
+def _write(
+    dataset: BopDataset,
+    folder: Path,
+    longer_side: int,
+    depth: bool,
+    progress: Progress,
+) -> None:
+    images = dataset.images()
+    camera = dataset.intrinsics(*images[0])
+    factor = min(longer_side / max(camera.width, camera.height), 1.0)
+    size = (round(camera.width * factor), round(camera.height * factor))
+    shape = (len(images), size[1], size[0])
+    object_ids = []
+    with ExitStack() as stack:
+        color_file = stack.enter_context(
+            _array_file(folder / "color.npy", (*shape, 3), np.uint8)
+        )
+        labels_file = stack.enter_context(
+            _array_file(folder / "labels.npy", shape, np.uint8)
+        )
+        if depth:
+            depth_file = stack.enter_context(
+                _array_file(folder / "depth.npy", shape, np.uint16)
+            )
+        for n, image in enumerate(images):
+            observation, objects = dataset.observation(*image), dataset.masks(*image)
+            if observation.color is None or observation.depth.shape != (
+                camera.height,
+                camera.width,
+            ):
+                raise InputError(
+                    observation.name,
+                    "has no colour, or another size than the first image",
+                    "generate the data again",
+                )
+            color = cv2.resize(observation.color, size, interpolation=cv2.INTER_AREA)
+            color_file.write(color.tobytes())
+            labels_file.write(
+                _reduced(
+                    label_map(objects, shape=observation.depth.shape), size
+                ).tobytes()
+            )
+            if depth:
+                units = np.round(_reduced(observation.depth, size) / _DEPTH_UNIT)
+                units = np.minimum(units, np.iinfo(np.uint16).max)
+                depth_file.write(units.astype(np.uint16).tobytes())
+            object_ids.append([d.object_id for d in objects])
+            progress(n + 1)
+    (folder / _NOTES).write_text(json.dumps({"object_ids": object_ids}))
+
+
+@contextmanager
+def _array_file(
+    path: Path, shape: tuple[int, ...], kind: type[np.generic]
+) -> Iterator[IO[bytes]]:
+    """A .npy file to write the values of an array to, one after the other.
+
+    Not a mapped array: where the disk is full, writing to that would kill the process.
+    """
+    with path.open("wb") as file:
+        header = {
+            "descr": np.lib.format.dtype_to_descr(np.dtype(kind)),
+            "fortran_order": False,
+            "shape": shape,
+        }
+        np.lib.format.write_array_header_1_0(file, header)
+        yield file
+
+
+def _reduced(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST_EXACT))
+
+
+def label_map(
+    objects: Sequence[Detection], shape: tuple[int, ...]
+) -> NDArray[np.uint8]:
+    """Which of up to 255 objects with masks is seen in each pixel, from 1."""
+    labels = np.zeros(shape, np.uint8)
+    for k, detection in enumerate(objects, start=1):
+        labels[detection.pixels(*shape)] = k
+    return labels

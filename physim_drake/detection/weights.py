@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: MIT
+"""Weights of networks as safetensors files, with what they are weights of.
+
+Nothing in such a file is ever executed; what cannot be used is an `InputError`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from physim_drake.detection.config import NetworkConfig
+from physim_drake.detection.networks import Network, ObjectClass, make_network
+from physim_drake.errors import InputError
+from physim_drake.files import write_atomically
+
+FORMAT, VERSION = "physim-drake network", "1"
+
+_MAX_CLASSES = 10_000
+_REMEDY = "give weights that physim-drake train wrote"
+_PICKLES = (b"PK\x03\x04", b"\x80", b"\x1f\x8b")  # torch.save's zip; bare; packed
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A trained network.
+
+    Attributes:
+        network: with its weights, to be used, not to be trained on.
+        classes: label k is the k-th of them, from 1.
+        source: the file.
+    """
+
+    network: Network
+    classes: tuple[ObjectClass, ...]
+    source: str
+
+    def check_objects(self, names: Mapping[int, str], source: Path | str) -> None:
+        """Sees whether the network knows certain objects.
+
+        Args:
+            names: of the objects by id, empty where an object's is not known.
+            source: what to call where they come from.
+
+        Raises:
+            InputError: where it does not know one, or knows it by another name.
+        """
+        known = {c.object_id: c.name for c in self.classes}
+        for object_id, name in names.items():
+            if object_id not in known:
+                raise self._other_classes(f"object {object_id} is", source)
+            if name and name != known[object_id]:
+                raise self._other_classes(
+                    f"object {object_id}, there {known[object_id]}, is {name}", source
+                )
+
+    def _other_classes(self, what: str, source: Path | str) -> InputError:
+        ids = ", ".join(str(c.object_id) for c in self.classes)
+        return InputError(
+            self.source,
+            f"are weights for other classes: {what} in {source}, the network knows "
+            f"{ids}",
+            "give weights trained with these models",
+        )
+
+
+def save_weights(
+    path: Path, weights: Mapping[str, Tensor], config: NetworkConfig, classes: Any
+) -> None:
+    """Writes weights in half precision.
+
+    Args:
+        path: the file.
+        weights: as `state_dict` gives them.
+        config: of the network.
+        classes: `ObjectClass`, in the order of their labels.
+
+    Raises:
+        InputError: where it cannot be written.
+    """
+    tensors = {
+        name: value.detach().cpu().contiguous().to(torch.float16)
+        for name, value in weights.items()
+    }
+    data = save(tensors, describe(config, classes))
+    with write_atomically(path, "wb") as file:
+        file.write(data)
+
+
+def describe(config: NetworkConfig, classes: Sequence[ObjectClass]) -> dict[str, str]:
+    """What a file of weights says about them."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "network": json.dumps(config.as_dict()),
+        "classes": json.dumps([asdict(c) for c in classes]),
+    }
+
+
+def load_weights(path: Path) -> Weights:
+    """Reads what `save_weights` wrote.
+
+    Raises:
+        InputError: where the file is missing, cut short, a pickle, of another
+            network, or in any other way not what is expected.
+    """
+    metadata, tensors = read_safetensors(path, _REMEDY)
+    config, classes = read_description(path, metadata)
+    network = make_network(config, len(classes))
+    expected = network.state_dict()
+    for name, value in expected.items():
+        found = tensors.get(name)
+        if found is None or found.shape != value.shape:
+            shape = "nothing" if found is None else f"shape {tuple(found.shape)}"
+            raise InputError(
+                path, f"holds {shape}, not {tuple(value.shape)}", _REMEDY, name
+            )
+        if not torch.isfinite(found).all():
+            raise InputError(path, "holds NaN or infinite values", _REMEDY, name)
+    if extra := sorted(set(tensors) - set(expected)):
+        raise InputError(path, "belongs to no part of the network", _REMEDY, extra[0])
+    network.load_state_dict({name: value.float() for name, value in tensors.items()})
+    return Weights(network.eval(), classes, str(path))
+
+
+def read_safetensors(path: Path, remedy: str) -> tuple[dict[str, str], dict[str, Any]]:
+    """Metadata and tensors of a safetensors file.
+
+    Raises:
+        InputError: where it is not one.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(4)
+        with safe_open(path, "pt") as tensors_file:
+            metadata = tensors_file.metadata() or {}
+            names = tensors_file.keys()
+            tensors = {name: tensors_file.get_tensor(name) for name in names}
+    except OSError as error:
+        raise InputError(
+            path, f"cannot be read: {error.strerror or error}", "check the path"
+        ) from None
+    except (SafetensorError, RuntimeError, ValueError) as error:
+        problem = f"is damaged or no safetensors file ({error})"
+        if head.startswith(_PICKLES):
+            problem = "is a pickle, not safetensors; pickles are never loaded"
+        raise InputError(path, problem, remedy) from None
+    return metadata, tensors
+
+
+def read_description(
+    path: Path, metadata: Mapping[str, str]
+) -> tuple[NetworkConfig, tuple[ObjectClass, ...]]:
+    """What `describe` says, checked.
+
+    Raises:
+        InputError: where it says something else.
+    """
+    if metadata.get("format") != FORMAT:
+        raise InputError(path, "holds no network of physim-drake", _REMEDY, "format")
+    if metadata.get("version") != VERSION:
+        raise InputError(
+            path,
+            f"is {metadata.get('version')!r}, this program reads {VERSION!r}",
+            "use the program that wrote it, or train again",
+            "version",
+        )
+    try:
+        config = NetworkConfig.from_dict(json.loads(metadata["network"]))
+        classes = _read_classes(json.loads(metadata["classes"]))
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise InputError(
+            path, f"cannot be used ({error})", _REMEDY, "metadata"
+        ) from None
+    return config, classes
+
+
+def _read_classes(entries: Any) -> tuple[ObjectClass, ...]:
+    classes = tuple(ObjectClass(**entry) for entry in entries)
+    if not 0 < len(classes) <= _MAX_CLASSES:
+        raise ValueError(f"{len(classes)} classes")
+    for item in classes:
+        if type(item.object_id) is not int or not isinstance(item.name, str):
+            raise ValueError(f"{item} is no class")
+    if len({c.object_id for c in classes}) != len(classes):
+        raise ValueError("an object has two classes")
+    return classes
