@@ -16,6 +16,7 @@ from physim_drake import __version__
 from physim_drake.cli.doctor import doctor
 from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
+from physim_drake.cli.explain import explain
 from physim_drake.cli.generate import generate
 from physim_drake.cli.models import models_app
 from physim_drake.cli.pick import pick
@@ -33,6 +34,7 @@ app = typer.Typer(
 app.command(cls=EstimateCommand)(estimate)
 app.command()(evaluate)
 app.command()(report)
+app.command()(explain)
 app.command()(generate)
 app.command()(pick)
 app.command()(doctor)

@@ -30,7 +30,7 @@ _INKED = (
     "xtick.color",
     "ytick.color",
 )
-_SVG_STYLE: dict[str, Any] = {
+_SVG_STYLE: Any = {
     **dict.fromkeys(_INKED, _INK),
     "axes.spines.right": False,
     "axes.spines.top": False,

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""`physim-drake explain`: one image's way through the estimate, as a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def explain(
+    dataset: Annotated[
+        Path,
+        typer.Argument(
+            help="Dataset in BOP layout, as for estimate.", show_default=False
+        ),
+    ],
+    image: Annotated[
+        str,
+        typer.Option(
+            metavar="SCENE/IMAGE", help="Which image, as in 1/0.", show_default=False
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="DIR",
+            help="Where the page goes, named after the image.",
+            show_default=False,
+        ),
+    ],
+    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    models: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Object models; by default DATASET/models."),
+    ] = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Detections; by default DATASET/detections.json."
+        ),
+    ] = None,
+    masks: Annotated[
+        bool, typer.Option("--masks", help="Use the dataset's mask_visib instead.")
+    ] = False,
+    targets: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Which objects to look for; by default "
+            "DATASET/test_targets_bop19.json, else the ground truth's.",
+        ),
+    ] = None,
+    surface: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|Z_METRES",
+            help="Find the support surface in the image, or its height in the world.",
+        ),
+    ] = "auto",
+    expansions: Annotated[
+        int, typer.Option(min=1, help="Budget of the search, per group of objects.")
+    ] = 250,
+    hypotheses: Annotated[
+        int, typer.Option(min=1, help="Poses per object that the search chooses from.")
+    ] = 25,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Processes; by default one a core."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+) -> None:
+    """Show how the poses of one image are found, stage by stage, on one HTML page.
+
+    The page needs no server and nothing else: what the camera saw, the surface, the
+    segments, the hypotheses and their scores, which object is placed before which, the
+    search, and for each object how far the image confirms it, or why it was not found.
+    Where the true poses are known, it says at which stage an error arose. The same
+    options give the poses that `estimate` gives.
+
+    Example: `physim-drake explain datasets/lab --image 1/3 --out explained`
+    """
+    from rich.console import Console
+
+    from physim_drake.batch import choose_images, detection_lookup
+    from physim_drake.cli.estimate import default_workers
+    from physim_drake.cli.options import surface_height
+    from physim_drake.datasets.bop import BopDataset
+    from physim_drake.errors import InputError
+    from physim_drake.estimation import EstimationConfig
+    from physim_drake.files import make_folder
+    from physim_drake.objects import ObjectLibrary
+    from physim_drake.reporting.explanation import explain_image
+    from physim_drake.reporting.explanation_page import write_explanation
+
+    height = surface_height(surface)
+    data = BopDataset(dataset, split, models)
+    wanted = data.targets(targets)
+    try:
+        (chosen,) = choose_images(wanted, [image])
+    except InputError as error:
+        raise InputError("--image", error.problem, error.remedy) from error
+    look_up, source = detection_lookup(data, detections, masks)
+    ids = {t.object_id for t in wanted if (t.scene_id, t.im_id) == chosen}
+    library = ObjectLibrary.load(data.models, ids)
+    config = EstimationConfig(seed=seed, workers=workers or default_workers())
+    config = config.with_budget(expansions, hypotheses)
+    make_folder(out)
+    console = Console(stderr=True, highlight=False)
+    with console.status("estimating, and watching how"):
+        explanation = explain_image(
+            data, chosen, look_up, source, library, config, height, wanted
+        )
+    with console.status("drawing"):
+        path = write_explanation(explanation, out)
+    typer.echo(path)

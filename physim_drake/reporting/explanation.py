@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: MIT
+"""Everything about how one image was estimated, gathered for explaining it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from physim_drake.batch import DetectionLookup, match_detections
+from physim_drake.camera import CameraIntrinsics
+from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
+from physim_drake.errors import InputError
+from physim_drake.estimate import SceneEstimate
+from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
+from physim_drake.evaluation.pose_errors import pose_error
+from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.observation import Detection, Mask, RgbdObservation
+from physim_drake.poses import Array
+from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.rendering.overlay import SceneLabels, render_labels
+from physim_drake.reporting.search_record import SearchRecord, record_searches
+from physim_drake.scene import Scene
+from physim_drake.search.dependency import DependencyGraph, dependency_graph
+
+
+@dataclass(frozen=True)
+class StageError:
+    """How far a pose is from the true one.
+
+    Attributes:
+        angle_deg: least over the symmetries, degrees.
+        distance_mm: of the origins.
+    """
+
+    angle_deg: float
+    distance_mm: float
+
+    @property
+    def size(self) -> float:
+        """Both together, in units of 5 degrees and 1 cm."""
+        return self.angle_deg / 5 + self.distance_mm / 10
+
+    @classmethod
+    def of(cls, model: ObjectModel, X_CO_true: Array, X_CO: Array) -> StageError:
+        """Compares two poses in the camera, (4, 4)."""
+        error = pose_error(X_CO_true, X_CO, model.symmetry)
+        return cls(float(np.degrees(error.geodesic)), 1000 * error.translation)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """What a confidence is the product of, each 0..1.
+
+    Attributes:
+        agrees: of the object's visible pixels, those whose depth agrees.
+        explained: of its segment's pixels, those that the estimate explains.
+    """
+
+    agrees: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One image, and what every stage made of it.
+
+    Attributes:
+        image: scene id and image id.
+        observation: the image.
+        detections: the objects to find; everything below goes by their index.
+        library: their models.
+        config: of the estimate.
+        surface_height: of the support surface in the world, m, if it was given.
+        scene: segments and support frame.
+        hypotheses: of each object, maybe none.
+        graph: which object is placed before which.
+        searches: the first search of each group.
+        estimate: what came of it all.
+        truth: the true X_CO (4, 4) of each object, None where it is not known.
+        seconds: by stage.
+    """
+
+    image: ImageId
+    observation: RgbdObservation
+    detections: tuple[Detection, ...]
+    library: ObjectLibrary
+    config: EstimationConfig
+    surface_height: float | None
+    scene: Scene
+    hypotheses: tuple[PoseHypotheses, ...]
+    graph: DependencyGraph
+    searches: tuple[SearchRecord, ...]
+    estimate: SceneEstimate
+    truth: tuple[Array | None, ...]
+    seconds: Mapping[str, float]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What to call each object; those of a kind are numbered."""
+        kinds = [self.library[d.object_id].name for d in self.detections]
+        return tuple(
+            f"{kind} ({kinds[: k + 1].count(kind)})" if kinds.count(kind) > 1 else kind
+            for k, kind in enumerate(kinds)
+        )
+
+    def error(self, k: int, X_CO: Array | None) -> StageError | None:
+        """Of a pose of object `k`; None where that or the truth is not known."""
+        truth = self.truth[k]
+        if truth is None or X_CO is None:
+            return None
+        return StageError.of(self.library[self.detections[k].object_id], truth, X_CO)
+
+    def nearest_representative(self, k: int) -> int | None:
+        """Which of object `k`'s representatives is nearest to the truth."""
+        errors = [self.error(k, X) for X in self.scene.X_CS @ self.hypotheses[k].poses]
+        sizes = [error.size for error in errors if error is not None]
+        return int(np.argmin(sizes)) if sizes else None
+
+    def searched_pose(self, k: int) -> Array | None:
+        """X_CO of object `k` in the best state of its group's first search."""
+        for record in self.searches:
+            if k in record.order and record.result.states:
+                poses = record.result.states[0].poses
+                return np.asarray(self.scene.X_CS @ poses[record.order.index(k)])
+        return None
+
+    def shares(self, renderer: DepthRenderer) -> list[Shares]:
+        """What each object's confidence is made of."""
+        drawn = render_labels(self.estimate.objects, renderer)
+        agrees = self._agreement(drawn)
+        return [
+            Shares(
+                _share(agrees, (drawn.labels == k) & (self.scene.depth > 0)),
+                _share(agrees, segment.mask),
+            )
+            for k, segment in enumerate(self.scene.segments)
+        ]
+
+    def _agreement(self, drawn: SceneLabels) -> Mask:
+        distance = np.abs(drawn.depth - self.scene.depth)
+        close = distance < self.config.steps.expansion.epsilon
+        return np.asarray((drawn.depth > 0) & close)
+
+
+def _share(mask: Mask, of: Mask) -> float:
+    return int(np.count_nonzero(mask & of)) / max(int(np.count_nonzero(of)), 1)
+
+
+def explain_image(
+    dataset: BopDataset,
+    image: ImageId,
+    look_up: DetectionLookup,
+    source: str,
+    library: ObjectLibrary,
+    config: EstimationConfig,
+    surface_height: float | None = None,
+    targets: Sequence[Target] | None = None,
+) -> Explanation:
+    """Estimates one image and keeps what each stage gave.
+
+    Args:
+        dataset: where the image is.
+        image: scene id and image id.
+        look_up: gives the image's detections.
+        source: what to call where they come from.
+        library: models of the objects.
+        config: of the estimate; the method must be `physim-mcts`.
+        surface_height: z of the support surface in the world, m; found if None.
+        targets: what to look for; the dataset's own if None.
+
+    Raises:
+        InputError: where the image cannot be used.
+    """
+    if config.method is not Method.PHYSIM_MCTS:
+        raise InputError("method", f"is {config.method}", "explain physim-mcts")
+    wanted = dataset.targets() if targets is None else targets
+    observation = dataset.observation(*image)
+    detections = match_detections(wanted, image, look_up(image), source)
+    with PoseEstimator(library, config) as estimator:
+        start = time.monotonic()
+        scene, hypotheses = estimator.hypotheses(
+            observation, detections, surface_height
+        )
+        taken = time.monotonic() - start
+        estimate = estimator.estimate(
+            observation, detections, surface_height, hypotheses
+        )
+    graph = dependency_graph(scene.segments, scene.X_CS)
+    usable = {
+        k: h
+        for k, h in enumerate(hypotheses)
+        if len(h.X_SO) and len(scene.segments[k].points) >= config.min_segment_points
+    }
+    return Explanation(
+        image,
+        observation,
+        tuple(detections),
+        library,
+        config,
+        surface_height,
+        scene,
+        tuple(hypotheses),
+        graph,
+        record_searches(scene, graph, usable, library, config),
+        estimate,
+        match_truth(detections, dataset.ground_truth(*image), observation.intrinsics),
+        _seconds(estimate, taken),
+    )
+
+
+def _seconds(estimate: SceneEstimate, before: float) -> dict[str, float]:
+    """By stage; preparing the scene, done `before`, belongs to the hypotheses."""
+    seconds = {"hypotheses": before}
+    for stage, taken in estimate.stages.items():
+        name = stage if stage in ("search", "refinement") else "hypotheses"
+        seconds[name] = seconds.get(name, 0.0) + taken
+    return seconds
+
+
+def match_truth(
+    detections: Sequence[Detection],
+    truth: Sequence[GroundTruthPose],
+    intrinsics: CameraIntrinsics,
+) -> tuple[Array | None, ...]:
+    """The true X_CO (4, 4) of each detection, None where there is none.
+
+    Instances of one object are matched so that the ways in the image from the middles
+    of the detections to where the true origins project add up to the least.
+    """
+    matched: list[Array | None] = [None] * len(detections)
+    for object_id in {d.object_id for d in detections}:
+        mine = [k for k, d in enumerate(detections) if d.object_id == object_id]
+        poses = [t.X_CO for t in truth if t.object_id == object_id]
+        if not poses:
+            continue
+        origins = intrinsics.project(np.stack([X[:3, 3] for X in poses]))
+        middles = np.stack(
+            [(detections[k].box[:2] + detections[k].box[2:]) / 2 for k in mine]
+        )
+        ways = np.linalg.norm(middles[:, None] - origins[None], axis=2)
+        for row, column in zip(*linear_sum_assignment(ways), strict=True):
+            matched[mine[row]] = poses[column]
+    return tuple(matched)

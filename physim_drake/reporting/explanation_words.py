@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: MIT
+"""What became of an object, in plain words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physim_drake.poses import Array
+from physim_drake.reporting.explanation import Explanation, Shares, StageError
+
+RIGHT_DEG, RIGHT_MM = 5.0, 10.0
+"""A pose within both is called right."""
+
+NEAR_DEG, NEAR_MM = 20.0, 25.0
+"""A hypothesis within both is one that registration can be expected to mend."""
+
+_DOUBTED = 0.9
+
+
+def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
+    """What the image says about the estimate of object `k`."""
+    item = explanation.estimate.objects[k]
+    if not item.found:
+        return (
+            f"Not found: {item.reason}. Likely its box is off the object, something "
+            "hides it, or the camera measures nothing there, as on black, shiny or "
+            "transparent things."
+        )
+    if item.confidence >= explanation.config.confirmed:
+        return "The depth image confirms it."
+    doubts = []
+    if shares.agrees < _DOUBTED:
+        doubts.append(
+            f"Where the model is drawn, {1 - shares.agrees:.0%} of the measured depth "
+            "is not where the model is: the pose is off, or the object has another "
+            "size or shape than its model."
+        )
+    if shares.explained < _DOUBTED:
+        doubts.append(
+            f"Of the depth in its segment, {1 - shares.explained:.0%} is explained by "
+            "no object: its box holds other things as well, or the pose is off."
+        )
+    return " ".join(["The depth image does not confirm it.", *doubts])
+
+
+def diagnosis(explanation: Explanation, k: int) -> str:
+    """At which stage object `k` went wrong, judged by the truth; empty without one."""
+    final = explanation.error(k, explanation.estimate.objects[k].X_CO)
+    if explanation.truth[k] is None or explanation.estimate.objects[k].X_CO is None:
+        return ""
+    if is_within(final, RIGHT_DEG, RIGHT_MM):
+        return "The pose is right."
+    nearest = explanation.nearest_representative(k)
+    kept = explanation.error(k, _representative(explanation, k, nearest))
+    if kept is None or not is_within(kept, NEAR_DEG, NEAR_MM):
+        return (
+            "None of the kept hypotheses is near the true pose, so that the search "
+            "had nothing right to choose: look at the segment and the hypotheses."
+        )
+    searched = explanation.error(k, explanation.searched_pose(k))
+    if not is_within(searched, NEAR_DEG, NEAR_MM):
+        rank = 0 if nearest is None else nearest + 1
+        return (
+            f"Hypothesis {rank} was near the true pose, but the search found that a "
+            "state with another one explains more of the image, or had no time to try "
+            "this one well: look at the search, or give it more expansions."
+        )
+    if not is_within(searched, RIGHT_DEG, RIGHT_MM):
+        return (
+            "The search came near the true pose, but neither it nor the refinement "
+            "came near enough: the depth hardly tells the poses apart, or is off."
+        )
+    return "The search was right; later rounds or the refinement moved the object away."
+
+
+def is_within(error: StageError | None, angle_deg: float, distance_mm: float) -> bool:
+    """Whether an error is known and below both limits."""
+    return (
+        error is not None
+        and error.angle_deg <= angle_deg
+        and error.distance_mm <= distance_mm
+    )
+
+
+def stage_errors(explanation: Explanation, k: int) -> list[StageError | None]:
+    """How far object `k` was from the truth at each stage.
+
+    Returns:
+        of the best-scored hypothesis, of the nearest one kept, of the best state of
+        the first search, and of the estimate; None where there is none.
+    """
+    nearest = explanation.nearest_representative(k)
+    first = 0 if len(explanation.hypotheses[k].X_SO) else None
+    return [
+        explanation.error(k, _representative(explanation, k, first)),
+        explanation.error(k, _representative(explanation, k, nearest)),
+        explanation.error(k, explanation.searched_pose(k)),
+        explanation.error(k, explanation.estimate.objects[k].X_CO),
+    ]
+
+
+def _representative(explanation: Explanation, k: int, n: int | None) -> Array | None:
+    if n is None:
+        return None
+    return np.asarray(explanation.scene.X_CS @ explanation.hypotheses[k].poses[n])

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physim_drake.batch import detection_lookup
+from physim_drake.camera import CameraIntrinsics
+from physim_drake.datasets.bop import BopDataset, GroundTruthPose
+from physim_drake.errors import InputError
+from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
+from physim_drake.observation import Detection
+from physim_drake.poses import make_pose
+from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.reporting.explanation import (
+    Explanation,
+    StageError,
+    explain_image,
+    match_truth,
+)
+from tests.reporting.explained import BOTTLE, CRAYONS, EXAMPLE, bare, example
+
+
+def renderer(explanation: Explanation) -> DepthRenderer:
+    return DepthRenderer(explanation.library, explanation.observation.intrinsics)
+
+
+def test_the_estimate_is_the_one_that_is_made_without_explaining() -> None:
+    e = example()
+    with PoseEstimator(e.library, e.config) as estimator:
+        plain = estimator.estimate(e.observation, e.detections)
+    for mine, other in zip(e.estimate.objects, plain.objects, strict=True):
+        np.testing.assert_array_equal(mine.X_CO, other.X_CO)
+
+
+@pytest.mark.parametrize("explanation", [example, bare])
+def test_the_recorded_searches_are_those_of_the_estimate(explanation) -> None:  # type: ignore[no-untyped-def]
+    e = explanation()
+    first = {}
+    for trace in e.estimate.trace:
+        first.setdefault(frozenset(trace.indices), trace)
+    assert {frozenset(r.order) for r in e.searches} == set(first)
+    for record in e.searches:
+        trace = first[frozenset(record.order)]
+        assert record.result.expansions == trace.expansions
+        points = [(p.expansion, p.score) for p in record.result.trace]
+        assert points == [(n, score) for n, _, score, _ in trace.points]
+        best = max(s.score for s in record.selections)
+        assert best == points[-1][1]
+        assert record.tree().visits == len(record.selections)
+
+
+def test_confidence_is_the_product_of_the_shares() -> None:
+    for e in (example(), bare()):
+        shares = e.shares(renderer(e))
+        for item, share in zip(e.estimate.objects, shares, strict=True):
+            if item.found:
+                product = share.agrees * share.explained
+                assert item.confidence == pytest.approx(product, abs=1e-3)
+
+
+def test_errors_shrink_from_hypothesis_to_estimate() -> None:
+    e = example()
+    for k, item in enumerate(e.estimate.objects):
+        nearest = e.nearest_representative(k)
+        assert nearest is not None
+        poses = e.scene.X_CS @ e.hypotheses[k].poses
+        sizes = [error.size for X in poses if (error := e.error(k, X))]
+        assert sizes[nearest] == min(sizes)
+        final = e.error(k, item.X_CO)
+        assert final is not None
+        assert final.size < max(sizes)
+        assert final.angle_deg < 3.0
+        assert final.distance_mm < 5.0
+
+
+def test_searched_pose_is_that_of_the_best_state() -> None:
+    e = example()
+    (record,) = e.searches
+    best = record.result.states[0]
+    assert best.score == max(s.score for s in record.selections)
+    for n, k in enumerate(record.order):
+        np.testing.assert_allclose(e.searched_pose(k), e.scene.X_CS @ best.poses[n])
+
+
+def test_what_is_not_known_is_none() -> None:
+    e = bare()
+    assert e.truth == (None, None, None)
+    assert e.error(BOTTLE, e.estimate.objects[BOTTLE].X_CO) is None
+    assert e.nearest_representative(BOTTLE) is None
+    assert e.searched_pose(CRAYONS) is None
+    assert not e.estimate.objects[CRAYONS].found
+    assert all(CRAYONS not in record.order for record in e.searches)
+
+
+def test_seconds_are_those_of_the_stages() -> None:
+    seconds = example().seconds
+    assert set(seconds) == {"hypotheses", "search", "refinement"}
+    assert all(s > 0 for s in seconds.values())
+
+
+def test_objects_of_a_kind_are_numbered() -> None:
+    e = example()
+    twice = replace(e, detections=(*e.detections, e.detections[BOTTLE]))
+    assert twice.names[BOTTLE] == "up_glucose_bottle (1)"
+    assert twice.names[-1] == "up_glucose_bottle (2)"
+    assert twice.names[CRAYONS] == e.names[CRAYONS] == "crayola_24_ct"
+
+
+def test_truth_goes_to_the_detection_where_it_is_seen() -> None:
+    camera = CameraIntrinsics(640, 480, 600.0, 600.0, 320.0, 240.0)
+    left, right = (make_pose(p=[x, 0.0, 0.6]) for x in (-0.1, 0.1))
+    truth = [GroundTruthPose(1, right), GroundTruthPose(1, left)]
+    boxes = [(200, 220, 240, 260), (400, 220, 440, 260), (0, 0, 9, 9)]
+    detections = [Detection(1, np.array(box, dtype=float)) for box in boxes[:2]]
+    detections.append(Detection(2, np.array(boxes[2], dtype=float)))
+    first, second, third = match_truth(detections, truth, camera)
+    np.testing.assert_array_equal(first, left)
+    np.testing.assert_array_equal(second, right)
+    assert third is None
+
+
+def test_more_detections_than_true_poses_leave_some_without() -> None:
+    camera = CameraIntrinsics(640, 480, 600.0, 600.0, 320.0, 240.0)
+    boxes = [(0, 0, 10, 10), (310, 230, 330, 250)]
+    detections = [Detection(1, np.array(box, dtype=float)) for box in boxes]
+    pose = make_pose(p=[0.0, 0.0, 0.6])
+    first, second = match_truth(detections, [GroundTruthPose(1, pose)], camera)
+    assert first is None
+    np.testing.assert_array_equal(second, pose)
+
+
+def test_both_parts_of_an_error_add_up() -> None:
+    assert StageError(5.0, 10.0).size == pytest.approx(2.0)
+
+
+def test_only_the_tree_search_is_explained() -> None:
+    dataset = BopDataset(EXAMPLE)
+    look_up, source = detection_lookup(dataset)
+    config = EstimationConfig(Method.PCA_ICP)
+    with pytest.raises(InputError, match="explain physim-mcts"):
+        explain_image(dataset, (1, 0), look_up, source, example().library, config)

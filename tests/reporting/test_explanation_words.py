@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physim_drake.poses import Array, make_pose
+from physim_drake.reporting.explanation import Explanation, Shares
+from physim_drake.reporting.explanation_words import (
+    diagnosis,
+    is_within,
+    stage_errors,
+    verdict,
+)
+from tests.reporting.explained import BOTTLE, BOX, CRAYONS, bare, example
+
+GOOD = Shares(1.0, 1.0)
+FAR = make_pose(p=[0.0, 0.0, 0.1])
+
+
+def with_confidence(confidence: float) -> Explanation:
+    e = example()
+    objects = list(e.estimate.objects)
+    objects[BOX] = replace(objects[BOX], confidence=confidence)
+    return replace(e, estimate=replace(e.estimate, objects=tuple(objects)))
+
+
+def with_estimate(X_CO: Array) -> Explanation:
+    e = example()
+    objects = list(e.estimate.objects)
+    objects[BOX] = replace(objects[BOX], X_CO=X_CO)
+    return replace(e, estimate=replace(e.estimate, objects=tuple(objects)))
+
+
+def test_a_confirmed_object_has_no_doubts() -> None:
+    assert verdict(example(), BOX, GOOD) == "The depth image confirms it."
+
+
+@pytest.mark.parametrize(
+    ("shares", "said", "unsaid"),
+    [
+        (Shares(0.6, 0.95), "40% of the measured depth", "its segment"),
+        (Shares(0.95, 0.5), "50% is explained by no object", "measured depth is not"),
+    ],
+)
+def test_doubts_name_the_share_that_is_low(
+    shares: Shares, said: str, unsaid: str
+) -> None:
+    text = verdict(with_confidence(0.5), BOX, shares)
+    assert text.startswith("The depth image does not confirm it.")
+    assert said in text
+    assert unsaid not in text
+
+
+def test_not_found_says_why_and_what_may_be_behind_it() -> None:
+    text = verdict(bare(), CRAYONS, Shares(0.0, 0.0))
+    assert text.startswith("Not found: its segment has 0 points")
+    assert "box is off the object" in text
+
+
+def test_nothing_is_diagnosed_without_a_truth_or_an_estimate() -> None:
+    assert diagnosis(bare(), BOTTLE) == ""
+    assert diagnosis(bare(), CRAYONS) == ""
+
+
+def test_a_right_pose_is_called_right() -> None:
+    assert diagnosis(example(), BOX) == "The pose is right."
+
+
+def test_blames_the_refinement_where_the_search_was_right() -> None:
+    X_CO = example().estimate.objects[BOX].X_CO
+    assert X_CO is not None
+    assert "later rounds or the refinement" in diagnosis(with_estimate(X_CO @ FAR), BOX)
+
+
+def test_blames_the_search_where_a_hypothesis_was_right() -> None:
+    X_CO = example().estimate.objects[BOX].X_CO
+    assert X_CO is not None
+    text = diagnosis(replace(with_estimate(X_CO @ FAR), searches=()), BOX)
+    assert "was near the true pose, but the search" in text
+
+
+def test_blames_the_hypotheses_where_none_is_near() -> None:
+    e = example()
+    truth = [X if X is None else X @ FAR for X in e.truth]
+    text = diagnosis(replace(e, truth=tuple(truth)), BOX)
+    assert text.startswith("None of the kept hypotheses is near")
+
+
+def test_tells_of_a_search_that_came_near_only() -> None:
+    e = example()
+    shift = make_pose(p=[0.0, 0.0, 0.015])
+    truth = [X if X is None else X @ shift for X in e.truth]
+    text = diagnosis(replace(e, truth=tuple(truth)), BOX)
+    assert text.startswith("The search came near the true pose")
+
+
+def test_errors_are_told_stage_by_stage() -> None:
+    e = example()
+    scored, nearest, searched, final = stage_errors(e, BOX)
+    assert scored is not None
+    assert nearest is not None
+    assert searched is not None
+    assert final is not None
+    assert nearest.size <= scored.size
+    expected = e.error(BOX, e.scene.X_CS @ e.hypotheses[BOX].poses[0])
+    assert scored == expected
+    assert final == e.error(BOX, e.estimate.objects[BOX].X_CO)
+    assert stage_errors(bare(), CRAYONS) == [None] * 4
+
+
+def test_an_unknown_error_is_within_nothing() -> None:
+    assert not is_within(None, np.inf, np.inf)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physim_drake.poses import make_pose
+from physim_drake.reporting.search_record import Selection, TreeNode, grown_tree
+from physim_drake.search import tree
+from physim_drake.search.expansion import Rollout, RolloutResult
+from physim_drake.search.tree import (
+    GroupSearch,
+    Path,
+    SearchConfig,
+    monte_carlo_tree_search,
+)
+
+
+def test_each_selection_adds_one_node() -> None:
+    root = grown_tree(
+        [
+            Selection((0, 5), 10, 2),
+            Selection((1, 5), 20, 4),
+            Selection((1, 0), 40, 5),
+            Selection((1, 1), 30, 6),
+        ]
+    )
+    assert (root.visits, root.mean, root.best) == (4, 25.0, 40)
+    first, second = root.children
+    assert (first.path, first.visits, first.children) == ((0,), 1, ())
+    assert (second.path, second.visits, second.mean) == ((1,), 3, 30.0)
+    assert [child.path for child in second.children] == [(1, 0), (1, 1)]
+
+
+def test_no_selection_no_tree() -> None:
+    assert grown_tree([]) == TreeNode((), 0, 0.0, 0, ())
+
+
+class Watched(GroupSearch):
+    """A search over numbers, that remembers what was selected."""
+
+    def __init__(self, counts: Sequence[int], expansions: int) -> None:
+        hypotheses = [
+            np.stack([make_pose(p=[float(n), 0.0, 0.0]) for n in range(count)])
+            for count in counts
+        ]
+        config = SearchConfig(expansions=expansions, exploration=3.0)
+        super().__init__(range(len(counts)), hypotheses, self.run_all, config)
+        self.selections: list[Selection] = []
+
+    def run_all(self, rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+        """The score of a state is a sum that some hypotheses add more to."""
+        return [
+            RolloutResult(
+                tuple(X for _, X in r.steps),
+                sum(int(7 * X[0, 3]) % 5 for _, X in (*r.placed, *r.steps)),
+            )
+            for r in rollouts
+        ]
+
+    def score(self, paths: Sequence[Path]) -> list[int]:
+        scores = super().score(paths)
+        self.selections += [
+            Selection(path, score, self.expansions)
+            for path, score in zip(paths, scores, strict=True)
+        ]
+        return scores
+
+
+def as_grown(node: Any) -> TreeNode:
+    """A node of the search itself."""
+    below = tuple(as_grown(child) for child in node.children)
+    scores = node.reward / max(node.visits, 1)
+    return TreeNode(node.path, node.visits, scores, -1, below)
+
+
+def without_best(node: TreeNode) -> TreeNode:
+    below = tuple(without_best(child) for child in node.children)
+    return TreeNode(node.path, node.visits, node.mean, -1, below)
+
+
+@pytest.mark.parametrize(
+    ("counts", "expansions"),
+    [([4], 100), ([6, 5], 40), ([3, 2, 4], 500), ([9] * 4, 90)],
+)
+def test_the_tree_is_the_one_that_was_searched(
+    counts: list[int], expansions: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    roots: list[Any] = []
+    back_up = tree._back_up
+
+    def watched(leaf: Any, reward: float) -> None:
+        root = leaf
+        while root.parent is not None:
+            root = root.parent
+        roots.append(root)
+        back_up(leaf, reward)
+
+    monkeypatch.setattr(tree, "_back_up", watched)
+    search = Watched(counts, expansions)
+    monte_carlo_tree_search(search, np.random.default_rng(0))
+    assert without_best(grown_tree(search.selections)) == as_grown(roots[0])
