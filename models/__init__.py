@@ -8,6 +8,9 @@ from pathlib import Path
 APC11 = Path(__file__).parent / "apc11"
 """Folder of the eleven objects of the paper: meshes, SDF files, ``library.yaml``."""
 
+DETECTOR = APC11 / "detector.safetensors"
+"""Weights of a network that finds these objects."""
+
 PACKAGE_XML = Path(__file__).parent / "package.xml"
 """Names this folder ``package://physim_drake_models``; add it to a parser with
 ``parser.package_map().AddPackageXml(str(PACKAGE_XML))`` before loading directives."""

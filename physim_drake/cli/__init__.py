@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from physim_drake import __version__
+from physim_drake.cli.detect import detect
 from physim_drake.cli.doctor import doctor
 from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
@@ -21,6 +22,7 @@ from physim_drake.cli.generate import generate
 from physim_drake.cli.models import models_app
 from physim_drake.cli.pick import pick
 from physim_drake.cli.report import report
+from physim_drake.cli.train import train
 from physim_drake.errors import PhysimError
 
 app = typer.Typer(
@@ -36,6 +38,8 @@ app.command()(evaluate)
 app.command()(report)
 app.command()(explain)
 app.command()(generate)
+app.command()(train)
+app.command()(detect)
 app.command()(pick)
 app.command()(doctor)
 app.add_typer(models_app, name="models")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,12 @@ class NetworkDetector:
         channels: of the images it takes, 3, or 4 with depth.
         threads: CPU threads it may use; torch's own number where it is None.
         device: where it runs.
+        source: what messages call it, for instance its file.
 
     Attributes:
         classes: as given.
         channels: as given.
+        source: as given.
     """
 
     def __init__(
@@ -41,11 +44,12 @@ class NetworkDetector:
         channels: int = 3,
         threads: int | None = None,
         device: torch.device | None = None,
+        source: Path | str = "the network",
     ) -> None:
         self._device = torch.device("cpu") if device is None else device
         self._network = network.to(self._device).eval()
         self._threads = threads
-        self.classes, self.channels = classes, channels
+        self.classes, self.channels, self.source = classes, channels, str(source)
 
     @classmethod
     def load(
@@ -61,7 +65,35 @@ class NetworkDetector:
         """
         weights = load_weights(path)
         channels = weights.network.config.channels
-        return cls(weights.network, weights.classes, channels, threads, device)
+        return cls(weights.network, weights.classes, channels, threads, device, path)
+
+    def check_objects(self, names: Mapping[int, str], asker: Path | str) -> None:
+        """Sees whether the network knows certain objects.
+
+        Args:
+            names: of the objects by id, empty where an object's is not known.
+            asker: what to call where they come from.
+
+        Raises:
+            InputError: where it does not know one, or knows it by another name.
+        """
+        known = {c.object_id: c.name for c in self.classes}
+        for object_id, name in names.items():
+            if object_id not in known:
+                ids = ", ".join(str(c.object_id) for c in self.classes)
+                what = f"object {object_id} of {asker} is not among {ids}"
+            elif name and name != known[object_id]:
+                what = (
+                    f"object {object_id} of {asker} is {name}, here it is "
+                    f"{known[object_id]}"
+                )
+            else:
+                continue
+            raise InputError(
+                self.source,
+                f"are weights for other objects: {what}",
+                "give weights that were trained with these models",
+            )
 
     def detect(
         self,

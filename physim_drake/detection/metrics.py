@@ -125,7 +125,7 @@ def _reference(truth: Sequence[Sequence[Detection]]) -> COCO:
     reference = COCO()
     reference.dataset = {
         "info": {},
-        "images": [{"id": image + 1} for image in range(len(truth))],
+        "images": [_image(k, objects) for k, objects in enumerate(truth, start=1)],
         "annotations": annotations,
         "categories": [
             {"id": i} for i in sorted({d["category_id"] for d in annotations})
@@ -134,6 +134,12 @@ def _reference(truth: Sequence[Sequence[Detection]]) -> COCO:
     with redirect_stdout(io.StringIO()):
         reference.createIndex()
     return reference
+
+
+def _image(number: int, objects: Sequence[Detection]) -> dict[str, int]:
+    # The size is asked for wherever there is a mask.
+    shape = objects[0].mask.shape if objects and objects[0].mask is not None else (1, 1)
+    return {"id": number, "height": shape[0], "width": shape[1]}
 
 
 def _bbox(detection: Detection) -> list[float]:

@@ -36,40 +36,10 @@ class Weights:
     Attributes:
         network: with its weights, to be used, not to be trained on.
         classes: label k is the k-th of them, from 1.
-        source: the file.
     """
 
     network: Network
     classes: tuple[ObjectClass, ...]
-    source: str
-
-    def check_objects(self, names: Mapping[int, str], source: Path | str) -> None:
-        """Sees whether the network knows certain objects.
-
-        Args:
-            names: of the objects by id, empty where an object's is not known.
-            source: what to call where they come from.
-
-        Raises:
-            InputError: where it does not know one, or knows it by another name.
-        """
-        known = {c.object_id: c.name for c in self.classes}
-        for object_id, name in names.items():
-            if object_id not in known:
-                raise self._other_classes(f"object {object_id} is", source)
-            if name and name != known[object_id]:
-                raise self._other_classes(
-                    f"object {object_id}, there {known[object_id]}, is {name}", source
-                )
-
-    def _other_classes(self, what: str, source: Path | str) -> InputError:
-        ids = ", ".join(str(c.object_id) for c in self.classes)
-        return InputError(
-            self.source,
-            f"are weights for other classes: {what} in {source}, the network knows "
-            f"{ids}",
-            "give weights trained with these models",
-        )
 
 
 def save_weights(
@@ -128,7 +98,7 @@ def load_weights(path: Path) -> Weights:
     if extra := sorted(set(tensors) - set(expected)):
         raise InputError(path, "belongs to no part of the network", _REMEDY, extra[0])
     network.load_state_dict({name: value.float() for name, value in tensors.items()})
-    return Weights(network.eval(), classes, str(path))
+    return Weights(network.eval(), classes)
 
 
 def read_safetensors(path: Path, remedy: str) -> tuple[dict[str, str], dict[str, Any]]:

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: MIT
+"""`physim-drake detect`: where the known objects are in a dataset's images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from physim_drake.models import DETECTOR
+
+
+def detect(
+    dataset: Annotated[
+        Path, typer.Argument(help="Dataset in BOP layout.", show_default=False)
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="DETECTIONS.json",
+            help="Where boxes and masks go, in BOP's JSON format.",
+            show_default=False,
+        ),
+    ],
+    weights: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="What physim-drake train wrote.",
+            show_default="those of apc11",
+        ),
+    ] = DETECTOR,
+    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    least_score: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Less certain detections are dropped."),
+    ] = 0.05,
+    overlays: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Draw boxes, masks and names into images."),
+    ] = None,
+    drawn_score: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Less certain ones are not drawn."),
+    ] = 0.5,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="CPU threads; by default one a core.")
+    ] = None,
+) -> None:
+    """Detect the known objects in a dataset's images, with boxes and masks.
+
+    Example: `physim-drake detect datasets/lab --out detections.json --overlays out`
+    """
+    from rich.console import Console
+    from rich.progress import track
+
+    from physim_drake.datasets.bop import BopDataset
+    from physim_drake.detection.detect_images import (
+        detect_images,
+        target_names,
+        write_detections,
+    )
+    from physim_drake.detection.detector import NetworkDetector
+    from physim_drake.detection.drawing import draw_detections
+    from physim_drake.files import make_folder
+    from physim_drake.rendering.overlay import write_png
+
+    data = BopDataset(dataset, split)
+    images = data.images()
+    detector = NetworkDetector.load(weights, threads)
+    detector.check_objects(target_names(data), dataset)
+    if overlays is not None:
+        make_folder(overlays)
+    names = {c.object_id: c.name for c in detector.classes}
+    entries, seconds = [], 0.0
+    results = detect_images(detector, data, images, least_score)
+    for result in track(
+        results,
+        "images",
+        total=len(images),
+        console=Console(stderr=True),
+        transient=True,
+    ):
+        entries += result.entries()
+        seconds += result.seconds
+        if overlays is not None and result.observation.color is not None:
+            shown = [d for d in result.detections if d.score >= drawn_score]
+            picture = draw_detections(result.observation.color, shown, names)
+            scene_id, im_id = result.image
+            write_png(overlays / f"{scene_id:06d}_{im_id:06d}.png", picture)
+    write_detections(out, entries)
+    typer.echo(
+        f"{len(entries)} detections in {len(images)} images, "
+        f"{seconds / len(images):.2f} s an image: {out}"
+    )

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: MIT
+"""`physim-drake train`: teach a detector from object models alone."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from physim_drake.models import APC11
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+class Network(StrEnum):
+    """Names of `NetworkKind`, which costs too much to import here."""
+
+    FASTER_RCNN = "faster-rcnn"
+    FCN = "fcn"
+
+
+class Backbone(StrEnum):
+    """Names of `BackboneName`."""
+
+    RESIDUAL = "residual"
+    VGG16 = "vgg16"
+
+
+class Device(StrEnum):
+    """Names of `DeviceName`."""
+
+    AUTO = "auto"
+    CPU = "cpu"
+    CUDA = "cuda"
+    MPS = "mps"
+
+
+class Precision(StrEnum):
+    """Of the products while the network learns."""
+
+    AUTO = "auto"
+    FLOAT32 = "float32"
+    BFLOAT16 = "bfloat16"
+
+
+class Container(StrEnum):
+    """Names of `ContainerName`."""
+
+    TABLE = "table"
+    TOTE = "tote"
+    SHELF = "shelf"
+
+
+def train(
+    out: Annotated[Path, typer.Argument(help="Folder of the run.", show_default=False)],
+    models: Annotated[
+        Path, typer.Option(metavar="DIR", help="Object models.", show_default="apc11")
+    ] = APC11,
+    scenes: Annotated[
+        int, typer.Option(min=1, help="Scenes to generate and learn from.")
+    ] = 500,
+    views: Annotated[int, typer.Option(min=1, help="Images a scene.")] = 8,
+    test_images: Annotated[
+        int, typer.Option(min=1, help="Images of other scenes to test on.")
+    ] = 200,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of training.")] = 7000,
+    batch: Annotated[int, typer.Option(min=1, help="Images a step.")] = 8,
+    network: Annotated[
+        Network,
+        typer.Option(help="faster-rcnn finds objects, fcn the class of each pixel."),
+    ] = Network.FASTER_RCNN,
+    backbone: Annotated[
+        Backbone, typer.Option(help="What features come from.")
+    ] = Backbone.RESIDUAL,
+    image_size: Annotated[
+        int,
+        typer.Option(min=64, max=2048, help="Longer side of images to the network."),
+    ] = 448,
+    depth: Annotated[
+        bool, typer.Option("--depth", help="Learn from depth as well as colour.")
+    ] = False,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DATASET",
+            help="Learn from a dataset in BOP layout with mask_visib instead.",
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="WEIGHTS", help="Start from these weights, of the same objects."
+        ),
+    ] = None,
+    container: Annotated[
+        Container, typer.Option(help="What the objects stand on or in.")
+    ] = Container.TABLE,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Processes that generate scenes; by default one a core. The scenes do "
+            "not depend on it.",
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option(min=1, help="CPU threads that train; by default one a core."),
+    ] = None,
+    device: Annotated[Device, typer.Option(help="Where it trains.")] = Device.AUTO,
+    precision: Annotated[
+        Precision, typer.Option(help="Of products; auto takes what is fast.")
+    ] = Precision.AUTO,
+    save_every: Annotated[
+        int,
+        typer.Option(min=1, help="Steps that are lost at most when it is cut off."),
+    ] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what an earlier run left.")
+    ] = False,
+) -> None:
+    """Train a detector on scenes that it generates itself.
+
+    Scenes of the objects settle with physics and are seen under random lights, on
+    random surfaces, among random things; a network learns to find the objects and
+    their masks in them. OUT gets `detector.safetensors`, which `detect` and `estimate`
+    take; `training.json` and `training.png`, the losses and mean average precisions;
+    and the images, in BOP layout, in `data` and `test`.
+
+    A run that was cut off goes on with `--resume` and ends with the same weights.
+
+    Example: `physim-drake train out/detector --models datasets/lab/models`
+    """
+    import torch
+    from rich.console import Console
+
+    from physim_drake.cli.estimate import default_workers
+    from physim_drake.detection.config import BackboneName, NetworkConfig, NetworkKind
+    from physim_drake.detection.devices import DeviceName, choose_device
+    from physim_drake.detection.train_detector import (
+        WEIGHTS_FILE,
+        DetectorTraining,
+        TrainDetectorConfig,
+    )
+    from physim_drake.detection.training import TrainingConfig
+    from physim_drake.detection.training_scenes import SceneSetConfig
+    from physim_drake.objects import ObjectLibrary
+    from physim_drake.scenes.containers import ContainerName
+
+    where = choose_device(DeviceName(device))
+    if threads is not None:
+        torch.set_num_threads(threads)
+    config = TrainDetectorConfig(
+        SceneSetConfig(scenes, views, test_images, ContainerName(container), seed),
+        NetworkConfig(
+            kind=NetworkKind(network),
+            backbone=BackboneName(backbone),
+            channels=4 if depth else 3,
+            image_size=image_size,
+        ),
+        TrainingConfig(
+            steps=steps,
+            batch=batch,
+            warmup=min(300, max(steps // 10, 1)),
+            save_every=save_every,
+            test_every=max(steps // 8, 1),
+            seed=seed,
+            bfloat16=_bfloat16(precision, where),
+        ),
+        data=data,
+        start=start,
+    )
+    library = ObjectLibrary.load(models)
+    console = Console(stderr=True, highlight=False)
+    with _Reporter(console) as tell:
+        run = DetectorTraining(
+            out, library, config, workers or default_workers(), where, resume, tell
+        )
+        result = run.run()
+    typer.echo(f"{out / WEIGHTS_FILE}: {result}")
+
+
+def _bfloat16(precision: Precision, device: Any) -> bool:
+    from physim_drake.detection.devices import has_fast_bfloat16
+
+    if precision is Precision.AUTO:
+        return has_fast_bfloat16(device)
+    return precision is Precision.BFLOAT16
+
+
+class _Reporter:
+    """A bar on a terminal; elsewhere a line now and then."""
+
+    def __init__(self, console: Console) -> None:
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        self._console = console
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._tasks: dict[str, Any] = {}
+
+    def __enter__(self) -> _Reporter:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def __call__(self, stage: str, done: int, total: int, text: str) -> None:
+        if stage == "test":
+            self._print(f"after {done} steps: {text}")
+            return
+        if stage not in self._tasks:
+            self._tasks[stage] = self._bar.add_task(stage, total=total)
+        self._bar.update(
+            self._tasks[stage], completed=done, description=f"{stage} {text}".strip()
+        )
+        every = max(total // 50, 1)
+        if not self._console.is_terminal and (done % every == 0 or done == total):
+            self._print(f"{stage} {done}/{total} {text}".strip())
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, markup=False, soft_wrap=True)

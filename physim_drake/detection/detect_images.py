@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: MIT
+"""Detects the objects in a dataset's images and writes what was found."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pycocotools import mask as coco_mask
+
+from physim_drake.datasets.bop import BopDataset, ImageId
+from physim_drake.detection.detector import NetworkDetector
+from physim_drake.errors import InputError
+from physim_drake.files import write_atomically
+from physim_drake.library_files import LIBRARY_FILE, find_objects
+from physim_drake.observation import Detection, RgbdObservation
+
+
+@dataclass(frozen=True)
+class DetectedImage:
+    """What was found in an image.
+
+    Attributes:
+        image: scene id and image id.
+        observation: the image.
+        detections: best first.
+        seconds: that the network took.
+    """
+
+    image: ImageId
+    observation: RgbdObservation
+    detections: tuple[Detection, ...]
+    seconds: float
+
+    def entries(self) -> list[dict[str, Any]]:
+        """The detections in BOP's JSON format."""
+        return [_entry(self.image, d, self.seconds) for d in self.detections]
+
+
+def detect_images(
+    detector: NetworkDetector,
+    dataset: BopDataset,
+    images: Iterable[ImageId],
+    least_score: float,
+) -> Iterator[DetectedImage]:
+    """Detects the objects in one image after the other.
+
+    Args:
+        detector: does it.
+        dataset: where the images are.
+        images: which ones.
+        least_score: detections of less are dropped.
+
+    Raises:
+        InputError: where an image cannot be used or has no colour.
+    """
+    for image in images:
+        observation = dataset.observation(*image)
+        if observation.color is None:
+            raise InputError(
+                observation.name,
+                "has no colour, by which objects are detected",
+                "give colour images, or detections",
+            )
+        start = time.monotonic()
+        found = detector.detect(observation.color, observation.depth, least_score)
+        yield DetectedImage(image, observation, found, time.monotonic() - start)
+
+
+def write_detections(path: Path, entries: Sequence[dict[str, Any]]) -> None:
+    """Writes detections as a list in BOP's JSON format, one a line.
+
+    Raises:
+        InputError: where the file cannot be written.
+    """
+    with write_atomically(path) as file:
+        lines = ",\n".join(json.dumps(e, allow_nan=False) for e in entries)
+        file.write(f"[\n{lines}\n]\n")
+
+
+def target_names(dataset: BopDataset) -> dict[int, str]:
+    """Names of the objects that a dataset's images are said to show, by id.
+
+    A name is empty where the dataset does not give one; there is nothing where it
+    does not say what its images show.
+    """
+    try:
+        ids = sorted({target.object_id for target in dataset.targets()})
+    except InputError:
+        return {}
+    names = dict.fromkeys(ids, "")
+    if (dataset.models / LIBRARY_FILE).exists():
+        known = {entry.object_id: entry.name for entry in find_objects(dataset.models)}
+        names = {i: known.get(i, "") for i in ids}
+    return names
+
+
+def _entry(image: ImageId, detection: Detection, seconds: float) -> dict[str, Any]:
+    left, top, right, bottom = (float(x) for x in detection.box)
+    entry: dict[str, Any] = {
+        "scene_id": image[0],
+        "image_id": image[1],
+        "category_id": detection.object_id,
+        "bbox": [round(x, 2) for x in (left, top, right - left, bottom - top)],
+        "score": round(detection.score, 4),
+        "time": round(seconds, 4),
+    }
+    if detection.mask is not None:
+        packed = coco_mask.encode(np.asfortranarray(detection.mask, dtype=np.uint8))
+        entry["segmentation"] = {
+            "size": list(detection.mask.shape),
+            "counts": packed["counts"].decode("ascii"),
+        }
+    return entry
