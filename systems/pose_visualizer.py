@@ -25,6 +25,8 @@ class PoseVisualizerConfig:
         cloud: whether the observed points are shown.
         cloud_stride: one pixel in this many is, along rows and columns.
         point_size: of the points, m.
+        history: whether looks stay below ``<path>/look <number>`` when the next comes,
+            hidden, so that a recording shows each from its time on.
     """
 
     path: str = "/perception"
@@ -32,6 +34,7 @@ class PoseVisualizerConfig:
     cloud: bool = True
     cloud_stride: int = 2
     point_size: float = 0.002
+    history: bool = False
 
 
 class PoseVisualizer(Stage):
@@ -74,26 +77,36 @@ class PoseVisualizer(Stage):
     def work(self, look: Look) -> tuple[Any, ...]:
         """Draws a look."""
         config = self._config
+        path = self._make_room(look)
         estimate: SceneEstimate | None = look["scene_estimate"]
         observation: RgbdObservation | None = look["observation"]
         if estimate is None or observation is None:
-            self._meshcat.Delete(config.path)
             return ()
         draw_estimate(
-            self._meshcat,
-            f"{config.path}/estimate",
-            estimate,
-            self._library,
-            config.opacity,
+            self._meshcat, f"{path}/estimate", estimate, self._library, config.opacity
         )
         if config.cloud:
             surface, X_WC = estimate.surface, observation.X_WC
             draw_cloud(
                 self._meshcat,
-                f"{config.path}/cloud",
+                f"{path}/cloud",
                 observation,
                 surface.X_WS @ surface.X_SC if X_WC is None else X_WC,
                 config.cloud_stride,
                 config.point_size,
             )
         return ()
+
+    def _make_room(self, look: Look) -> str:
+        """Removes the look before, or hides it from now on; the path of the new one."""
+        meshcat, config = self._meshcat, self._config
+        if not config.history or look.number == 1:
+            meshcat.Delete(config.path)
+        if not config.history:
+            return config.path
+        before, path = (f"{config.path}/look {look.number - n}" for n in (1, 0))
+        if meshcat.HasPath(before):
+            meshcat.SetProperty(before, "visible", False, look.time)
+        meshcat.SetProperty(path, "visible", False, 0.0)
+        meshcat.SetProperty(path, "visible", True, look.time)
+        return path

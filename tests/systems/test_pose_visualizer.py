@@ -67,6 +67,20 @@ def test_each_estimate_replaces_the_one_before(
     assert not meshcat.HasPath("/test")
 
 
+def test_a_history_keeps_every_look_of_a_simulation(
+    meshcat: Meshcat, made: SyntheticScene
+) -> None:
+    config = PoseVisualizerConfig("/history", cloud=False, history=True)
+    shown = Shown(meshcat, config)
+    shown.show(1, made.observation, estimate(made, 0.9))
+    shown.show(2, made.observation, estimate(made, 0.4))
+    assert meshcat.HasPath("/history/look 1/estimate/0 glue 0.90")
+    assert meshcat.HasPath("/history/look 2/estimate/0 glue 0.40")
+    Shown(meshcat, config).show(1, made.observation, estimate(made, 0.7))
+    assert meshcat.HasPath("/history/look 1/estimate/0 glue 0.70")
+    assert not meshcat.HasPath("/history/look 2")
+
+
 def test_nothing_is_drawn_again_before_there_is_something_new(
     meshcat: Meshcat, made: SyntheticScene
 ) -> None:
