@@ -59,15 +59,14 @@ def explanation_page(explanation: Explanation) -> str:
     models = {d.object_id: e.library[d.object_id] for d in e.detections}
     renderer = DepthRenderer(models, e.observation.intrinsics)
     pictures = Pictures(e, renderer)
-    overlay, residuals = pictures.estimate()
     return render_page(
         "explanation.html.j2",
         title=f"Scene {e.image[0]}, image {e.image[1]}: how the poses were found",
         e=e,
         found=sum(o.found for o in e.estimate.objects),
         objects=_objects(e, pictures, renderer),
-        overlay=jpeg(overlay),
-        residuals=jpeg(residuals),
+        overlay=jpeg(pictures.estimate()),
+        residuals=jpeg(pictures.residuals),
         detections=jpeg(pictures.detections()),
         depth=jpeg(pictures.depth()),
         surface_picture=jpeg(pictures.surface()),

@@ -16,7 +16,7 @@ from physim_drake.estimate import ObjectEstimate
 from physim_drake.observation import Mask
 from physim_drake.poses import Array, transform_points
 from physim_drake.rendering.depth import DepthRenderer
-from physim_drake.rendering.overlay import draw_overlay, render_labels
+from physim_drake.rendering.overlay import RESIDUAL_RANGE, draw_overlay, render_labels
 from physim_drake.reporting.explanation import Explanation
 from physim_drake.surface import heights_above
 
@@ -30,6 +30,8 @@ CLOSE_UP_HEIGHT = 300
 """Of pictures of a part of the image, px."""
 
 _LEAST_CROP = 90.0  # px of the image
+_DIM = 0.35
+_UNMEASURED = (40, 40, 40)
 _WHITE: Color = (255, 255, 255)
 _SURFACE: Color = (0, 170, 160)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -51,12 +53,17 @@ class Pictures:
 
     def __init__(self, explanation: Explanation, renderer: DepthRenderer) -> None:
         self._e, self._renderer = explanation, renderer
-        self._width = explanation.observation.intrinsics.width
 
     @cached_property
     def plain(self) -> Image:
         """The colour image, or the depth in grey where there is none."""
-        return self._overlay(())[0]
+        return self._overlay(())
+
+    @cached_property
+    def _inside(self) -> Mask:
+        """The pixels of all segments; all pixels where there is none."""
+        inside = np.any([s.mask for s in self._e.scene.segments], axis=0)
+        return np.asarray(inside | (not inside.any()))
 
     def detections(self) -> Image:
         """The image with the box of each object to find."""
@@ -72,11 +79,15 @@ class Pictures:
         return canvas
 
     def depth(self) -> Image:
-        """The depth image: yellow is near, blue far, black not measured."""
+        """The depth image: yellow is near, blue far, black not measured.
+
+        The objects have most of the colours.
+        """
         depth = self._e.observation.depth
-        near, far = np.percentile(depth[depth > 0], [1, 99])
-        share = np.clip((far - depth) / max(float(far - near), 1e-3), 0, 1)
-        return _colored(share, depth > 0)
+        near, far = np.percentile(depth[self._inside & (depth > 0)], [1, 99])
+        span = max(float(far - near), 0.05)
+        share = (far + span / 3 - depth) / (span * 5 / 3)
+        return _colored(np.clip(share, 0, 1), depth > 0)
 
     def surface(self) -> Image:
         """What is taken for the support surface, and a grid that lies on it."""
@@ -92,10 +103,7 @@ class Pictures:
         scene = self._e.scene
         p_C = scene.intrinsics.unproject(scene.depth)
         heights = heights_above(self._e.estimate.surface, p_C)
-        inside = np.zeros(heights.shape, dtype=bool)
-        for segment in scene.segments:
-            inside |= segment.mask
-        top = np.percentile(heights[inside], 99) if inside.any() else 0.1
+        top = np.percentile(heights[self._inside], 99)
         return _colored(np.clip(heights / max(float(top), 1e-3), 0, 1), scene.depth > 0)
 
     def segments(self) -> Image:
@@ -134,24 +142,37 @@ class Pictures:
         ]
         return self._outlined(shown, self._view(indices))
 
-    def estimate(self) -> tuple[Image, Image]:
-        """The estimate over the image, and its residuals."""
+    def estimate(self) -> Image:
+        """The estimate over the image."""
         return self._overlay(self._e.estimate.objects)
 
     def close_up(self, k: int) -> tuple[Image, Image]:
-        """The same, close up on object `k`."""
+        """The estimate's outlines and its residuals, close up on object `k`."""
         view = self._view([k])
         left = self._outlined(self._e.estimate.objects, view)
-        return left, view.enlarged(self._residuals, cv2.INTER_NEAREST)
+        return left, view.enlarged(self.residuals, cv2.INTER_NEAREST)
 
     @cached_property
-    def _residuals(self) -> Image:
-        return self._overlay(self._e.estimate.objects)[1]
+    def residuals(self) -> Image:
+        """Drawn minus measured depth where objects are drawn, as `draw_overlay` has it.
 
-    def _overlay(self, objects: Sequence[ObjectEstimate]) -> tuple[Image, Image]:
+        Without the legend, which would cover parts of a close-up.
+        """
+        measured = self._e.observation.depth
+        drawn = render_labels(self._e.estimate.objects, self._renderer).depth
+        grey = self.plain.mean(axis=2, keepdims=True) * _DIM
+        image = np.repeat(grey, 3, axis=2).astype(np.uint8)
+        image[drawn > 0] = _UNMEASURED
+        both = (drawn > 0) & (measured > 0)
+        share = (drawn[both] - measured[both]) / RESIDUAL_RANGE
+        colors = matplotlib.colormaps["RdBu_r"](np.clip(share, -1, 1) / 2 + 0.5)
+        image[both] = (255 * colors[:, :3]).astype(np.uint8)
+        return image
+
+    def _overlay(self, objects: Sequence[ObjectEstimate]) -> Image:
         shown = replace(self._e.estimate, objects=tuple(objects))
         both = draw_overlay(self._e.observation, shown, self._e.library, self._renderer)
-        return both[:, : self._width], both[:, self._width :]
+        return both[:, : self._e.observation.intrinsics.width]
 
     def _outlined(self, objects: Sequence[ObjectEstimate], view: _View) -> Image:
         """What is seen of each object, outlined."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from physim_drake.poses import Array
+from physim_drake.registration_model import lookalike_turns
 from physim_drake.reporting.explanation import Explanation, Shares, StageError
 
 RIGHT_DEG, RIGHT_MM = 5.0, 10.0
@@ -50,6 +51,12 @@ def diagnosis(explanation: Explanation, k: int) -> str:
         return ""
     if is_within(final, RIGHT_DEG, RIGHT_MM):
         return "The pose is right."
+    if _looks_alike(explanation, k):
+        return (
+            "It is turned to where the object looks nearly the same to a depth camera, "
+            "and colour is not used: if the turn does not matter, give the object this "
+            "symmetry."
+        )
     nearest = explanation.nearest_representative(k)
     kept = explanation.error(k, _representative(explanation, k, nearest))
     if kept is None or not is_within(kept, NEAR_DEG, NEAR_MM):
@@ -71,6 +78,18 @@ def diagnosis(explanation: Explanation, k: int) -> str:
             "came near enough: the depth hardly tells the poses apart, or is off."
         )
     return "The search was right; later rounds or the refinement moved the object away."
+
+
+def _looks_alike(explanation: Explanation, k: int) -> bool:
+    """Whether the estimate is right but for a turn that hardly changes the shape."""
+    model = explanation.library[explanation.detections[k].object_id]
+    X_CO = explanation.estimate.objects[k].X_CO
+    if X_CO is None:
+        return False
+    return any(
+        is_within(explanation.error(k, X), RIGHT_DEG, RIGHT_MM)
+        for X in X_CO @ lookalike_turns(model)
+    )
 
 
 def is_within(error: StageError | None, angle_deg: float, distance_mm: float) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from physim_drake.poses import Array, make_pose
+from physim_drake.registration_model import lookalike_turns
 from physim_drake.reporting.explanation import Explanation, Shares
 from physim_drake.reporting.explanation_words import (
     diagnosis,
@@ -27,10 +28,10 @@ def with_confidence(confidence: float) -> Explanation:
     return replace(e, estimate=replace(e.estimate, objects=tuple(objects)))
 
 
-def with_estimate(X_CO: Array) -> Explanation:
+def with_estimate(X_CO: Array, k: int = BOX) -> Explanation:
     e = example()
     objects = list(e.estimate.objects)
-    objects[BOX] = replace(objects[BOX], X_CO=X_CO)
+    objects[k] = replace(objects[k], X_CO=X_CO)
     return replace(e, estimate=replace(e.estimate, objects=tuple(objects)))
 
 
@@ -67,6 +68,19 @@ def test_nothing_is_diagnosed_without_a_truth_or_an_estimate() -> None:
 
 def test_a_right_pose_is_called_right() -> None:
     assert diagnosis(example(), BOX) == "The pose is right."
+
+
+def test_a_turn_that_hardly_shows_is_named() -> None:
+    e = example()
+    model = e.library[e.detections[BOTTLE].object_id]
+    X_CO = e.estimate.objects[BOTTLE].X_CO
+    assert X_CO is not None
+    turned = X_CO @ lookalike_turns(model)[0]
+    error = e.error(BOTTLE, turned)
+    assert error is not None
+    assert error.angle_deg > 170
+    text = diagnosis(with_estimate(turned, BOTTLE), BOTTLE)
+    assert text.startswith("It is turned to where the object looks nearly the same")
 
 
 def test_blames_the_refinement_where_the_search_was_right() -> None:
