@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 ProbeFunction = Callable[[], Check]
 
 TESTED_DRAKE = "1.51.1"
+_FOR_DETECTORS = ("safetensors", "torch")  # nothing else needs them
 _SIDE = 0.1  # m, of the boxes that are rendered and dropped
 _HEIGHT = 0.6  # m, of the camera above the table
 _GL_RENDERER = 0x1F01
@@ -42,22 +43,24 @@ def packages() -> Check:
     """Whether everything that the installed metadata asks for is there."""
     from packaging.requirements import Requirement
 
-    needed, extras = [], []
+    needed, optional = [], []
     for text in importlib.metadata.requires("physim-drake") or ():
         requirement = Requirement(text)
-        if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+        marker, name = requirement.marker, requirement.name
+        always = marker is None or marker.evaluate({"extra": ""})
+        if always and name not in _FOR_DETECTORS:
             needed.append(requirement)
         else:
-            extras.append(requirement)
-    wrong = [w for w in map(_unmet, needed) if w]
+            optional.append(requirement)
+    wrong = [problem for r in needed if (problem := _unmet(r))]
     if wrong:
         remedy = "pip install " + " ".join(f"'{r.name}{r.specifier}'" for r in needed)
         return Check("packages", Status.FAIL, ", ".join(wrong), remedy)
     drake = importlib.metadata.version("drake")
     found = f"all {len(needed)} needed; Drake {drake}"
-    absent = [r.name for r in extras if _unmet(r)]
+    absent = [problem for r in optional if (problem := _unmet(r))]
     if absent:
-        found += f"; not installed, and optional: {', '.join(absent)}"
+        found += f"; of what is optional, {', '.join(absent)}"
     if drake != TESTED_DRAKE:
         return Check(
             "packages",
@@ -235,51 +238,49 @@ def torch_device() -> Check:
     """Runs a convolution on the device that a detector would use."""
     try:
         import torch
-    except ModuleNotFoundError:
-        return Check(
-            "torch",
-            Status.OK,
-            "not installed; only detectors need it (pip install torch)",
-        )
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+        from physim_drake.detection.devices import choose_device
+    except ModuleNotFoundError as error:
+        return _without_torch("torch", error)
+    device = choose_device()
     ones = torch.ones(1, 1, 8, 8, device=device)
     total = float(torch.nn.functional.conv2d(ones, ones[:, :, :3, :3]).sum())
     if total != 36 * 9:
         raise RuntimeError(f"a convolution on {device} gives {total}, not {36 * 9}")
-    what = torch.cuda.get_device_name() if device.type == "cuda" else "the processor"
+    what = torch.cuda.get_device_name() if device.type == "cuda" else device.type
     return Check("torch", Status.OK, f"{torch.__version__} on {what}")
 
 
 def detector_weights() -> Check:
-    """Looks for weights that come with the package."""
+    """Reads the weights that come with the package."""
     import physim_drake.models
 
-    root = Path(physim_drake.models.__file__).parent
-    files = sorted(root.rglob("*.safetensors"))
-    if not files:
+    path = physim_drake.models.DETECTOR
+    if not path.is_file():
         return Check(
             "detector weights",
             Status.WARNING,
-            "none come with this installation, so that objects are not found in "
-            "images without boxes or masks",
-            "give --detections or --masks, or train a detector",
+            f"{path} does not exist, so that objects are not found in images without "
+            "boxes or masks",
+            "give --detections or --masks, or physim-drake train weights",
         )
-    for path in files:
-        _read_header(path)
-    listed = ", ".join(f"{p.name} ({p.stat().st_size / 2**20:.1f} MiB)" for p in files)
-    return Check("detector weights", Status.OK, listed)
+    try:
+        from physim_drake.detection.weights import load_weights
+    except ModuleNotFoundError as error:
+        return _without_torch("detector weights", error)
+    weights = load_weights(path)
+    size = path.stat().st_size / 2**20
+    found = f"for {len(weights.classes)} objects, {size:.1f} MiB"
+    return Check("detector weights", Status.OK, found)
 
 
-def _read_header(path: Path) -> None:
-    """Reads what a file of tensors says it holds; raises where it was cut off."""
-    with path.open("rb") as file:
-        length = int.from_bytes(file.read(8), "little")
-        header = json.loads(file.read(length))
-    ends = [v["data_offsets"][1] for k, v in header.items() if k != "__metadata__"]
-    expected = 8 + length + max(ends, default=0)
-    if path.stat().st_size != expected:
-        size = path.stat().st_size
-        raise ValueError(f"{path} has {size} bytes of {expected}")
+def _without_torch(name: str, error: ModuleNotFoundError) -> Check:
+    return Check(
+        name,
+        Status.WARNING,
+        f"{error.name} is not installed, without which detectors do not work",
+        f"pip install {error.name}, or give --detections or --masks",
+    )
 
 
 PROBE_FUNCTIONS: Mapping[str, ProbeFunction] = {

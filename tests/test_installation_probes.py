@@ -2,8 +2,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
-import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 
 import physim_drake.models
 from physim_drake import installation_probes
+from physim_drake.errors import InputError
 from physim_drake.installation import PROBES, Status
 from physim_drake.installation_probes import (
     PROBE_FUNCTIONS,
@@ -62,7 +62,7 @@ def test_what_is_optional_and_missing_is_told(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(importlib.metadata, "requires", lambda _: optional)
     check = packages()
     assert check.status is Status.OK
-    assert check.message.endswith("optional: nosuchextra")
+    assert check.message.endswith("of what is optional, nosuchextra is missing")
 
 
 def test_a_wrong_depth_image_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,36 +92,59 @@ def test_a_box_that_sinks_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
         physics()
 
 
-def write_tensors(path: Path, count: int, cut: int = 0) -> None:
-    """A file of `count` floats in the format of safetensors, less its last bytes."""
-    entry = {"dtype": "F32", "shape": [count], "data_offsets": [0, 4 * count]}
-    header = json.dumps({"__metadata__": {"a": "b"}, "w": entry}).encode()
-    data = struct.pack("<Q", len(header)) + header + bytes(4 * count)
-    path.write_bytes(data[: len(data) - cut])
-
-
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder in the place of the models that come with the package."""
-    monkeypatch.setattr(physim_drake.models, "__file__", str(tmp_path / "__init__.py"))
-    return tmp_path
+def detector(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the weights of a small network would be."""
+    path = tmp_path / "detector.safetensors"
+    monkeypatch.setattr(physim_drake.models, "DETECTOR", path)
+    return path
 
 
-def test_absent_weights_are_a_warning(package: Path) -> None:
+def write_network(path: Path) -> None:
+    """Writes the weights of a small network for two objects."""
+    from physim_drake.detection.config import NetworkConfig, NetworkKind
+    from physim_drake.detection.networks import ObjectClass, make_network
+    from physim_drake.detection.weights import save_weights
+
+    config = NetworkConfig(
+        NetworkKind.FCN, widths=(8, 8, 8, 8), depths=(1, 1, 1, 1), pyramid_channels=8
+    )
+    classes = (ObjectClass(1, "box"), ObjectClass(2, "ball"))
+    save_weights(path, make_network(config, 2).state_dict(), config, classes)
+
+
+def test_absent_weights_are_a_warning(detector: Path) -> None:
     check = detector_weights()
     assert check.status is Status.WARNING
     assert "--detections" in check.remedy
 
 
-def test_weights_are_listed(package: Path) -> None:
-    (package / "detector").mkdir()
-    write_tensors(package / "detector" / "net.safetensors", 2**18)
+def test_weights_are_read(detector: Path) -> None:
+    write_network(detector)
     check = detector_weights()
     assert check.status is Status.OK
-    assert check.message == "net.safetensors (1.0 MiB)"
+    assert check.message.startswith("for 2 objects, 0.")
 
 
-def test_weights_that_were_cut_off_are_noticed(package: Path) -> None:
-    write_tensors(package / "net.safetensors", 8, cut=5)
-    with pytest.raises(ValueError, match="bytes of"):
+def test_weights_that_were_cut_off_are_noticed(detector: Path) -> None:
+    write_network(detector)
+    detector.write_bytes(detector.read_bytes()[:-5])
+    with pytest.raises(InputError, match="is damaged"):
         detector_weights()
+
+
+def test_detectors_may_be_missing(
+    detector: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_network(detector)
+    needed = ["torch==0.0.1", "drake>=1.0"]
+    monkeypatch.setattr(importlib.metadata, "requires", lambda _: needed)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    for name in [n for n in sys.modules if n.startswith("physim_drake.detection.")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert packages().status is Status.OK
+    assert "torch is " in packages().message
+    for probe in (torch_device, detector_weights):
+        check = probe()
+        assert check.status is Status.WARNING
+        assert check.remedy.startswith("pip install torch")
