@@ -14,6 +14,7 @@ demo: setup  ## Estimate the example scene; draw it into out/demo/overlay.png.
 
 .PHONY: test
 test: setup lint typecheck  ## Check style, types and behaviour, as CI does.
+	@requirements/browser.sh
 	@$(BIN)/pytest -n auto --maxprocesses 4
 
 .PHONY: lint

@@ -33,6 +33,8 @@ from physim_drake.systems.pick_cell import PickCell, PickCellParts, perception_c
 
 _STEP = 0.1  # s, between looks at how far the task is
 _AFTERWARDS = 1.0  # s, for what was let go last to come to rest
+# Meshcat looks over the table's far corner at arm and objects; m, from the pick area.
+_VIEW_FROM, _VIEW_OF = np.array([0.9, -0.8, 0.75]), np.array([-0.15, 0.1, 0.15])
 _PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place")
 
 
@@ -107,6 +109,8 @@ class EpisodeRunner:
         judge = _Judge(cell)
         meshcat = self._parts.meshcat
         if meshcat is not None:
+            middle = self.geometry.X_WA[:3, 3]
+            meshcat.SetCameraPose(middle + _VIEW_FROM, middle + _VIEW_OF)
             meshcat.StartRecording(set_visualizations_while_recording=True)
         state = self._simulate(cell, judge, on_progress)
         if meshcat is not None:

@@ -49,6 +49,7 @@ from physim_drake.systems.perception_config import (
     PerceptionConfig,
 )
 from physim_drake.systems.pick_task import JointLayout, PickTaskSystem
+from physim_drake.systems.pose_visualizer import PoseVisualizerConfig
 from physim_drake.systems.suction_gripper import SuctionGripper
 
 
@@ -304,4 +305,5 @@ def perception_config(
         latency=LatencyConfig(estimator=look.latency),
         poll_period=scenario.task.period,
         library=scenario.objects.library,
+        visualizer=PoseVisualizerConfig(cloud_stride=4, history=True),
     )

@@ -21,3 +21,11 @@ def shared() -> Path:
     if not _SHARED.is_dir():
         pytest.skip(f"no test data: {_SHARED} does not exist")
     return _SHARED
+
+
+@pytest.fixture(scope="session")
+def pictures() -> Path:
+    """Where tests keep what they saw: ``out/tests``."""
+    folder = Path(__file__).resolve().parents[1] / "out" / "tests"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
