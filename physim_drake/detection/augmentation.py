@@ -24,7 +24,6 @@ from physim_drake.poses import Array
 from physim_drake.rendering.vivid import draw_texture
 
 _LEAST_PIXELS = 40
-_BACKGROUNDS = 200
 
 
 @dataclass(frozen=True)
@@ -36,6 +35,7 @@ class AugmentationConfig:
         max_shift: share of the image's size.
         max_turn: rad.
         background: how often it is replaced.
+        backgrounds: how many there are to choose from.
         paste: how often objects of another image are pasted in.
         max_pasted: at most this many.
         occluder: how often something hides a part.
@@ -46,6 +46,7 @@ class AugmentationConfig:
     max_shift: float = 0.25
     max_turn: float = 0.3
     background: float = 0.3
+    backgrounds: int = 200
     paste: float = 0.5
     max_pasted: int = 3
     occluder: float = 0.2
@@ -87,7 +88,7 @@ class Augmenter:
         self._images, self._labels, self._config = images, labels, config
         self._size = size
         rng = np.random.default_rng([seed, 1])
-        self._backgrounds = [draw_texture(rng) for _ in range(_BACKGROUNDS)]
+        self._backgrounds = [draw_texture(rng) for _ in range(config.backgrounds)]
 
     def draw(self, rng: np.random.Generator) -> Sample:
         """One sample; the same state of `rng` gives the same."""
@@ -110,7 +111,7 @@ class Augmenter:
         self, shape: tuple[int, ...], rng: np.random.Generator
     ) -> NDArray[np.uint8]:
         """A part of a background, stretched to (height, width, 3)."""
-        source = self._backgrounds[int(rng.integers(_BACKGROUNDS))]
+        source = self._backgrounds[int(rng.integers(len(self._backgrounds)))]
         side = int(rng.integers(24, source.shape[0] + 1))
         top, left = rng.integers(0, source.shape[0] - side + 1, 2)
         part = source[top : top + side, left : left + side]
