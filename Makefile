@@ -9,8 +9,8 @@ help:  ## Show the targets.
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
 .PHONY: demo
-demo: setup  ## Estimate the example scene; draw it into out/demo/overlay.png.
-	@$(BIN)/python examples/demo.py --out out/demo
+demo: setup  ## Let the robot clear a table once; a report with a replay in out/demo.
+	@$(BIN)/physim-drake pick examples/scenarios/clutter.yaml --seed 0 --headless --record out/demo
 
 .PHONY: test
 test: setup lint typecheck  ## Check style, types and behaviour, as CI does.

@@ -36,14 +36,15 @@ def test_estimate_scene_writes_overlay_and_directives(
     assert (tmp_path / "scene" / "scene.dmd.yaml").is_file()
 
 
-def test_the_demo_prints_errors_and_where_the_overlay_is(
+def test_an_estimate_is_compared_with_the_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    demo = load("demo")
+    example = load("compare_with_truth")
     config = EstimationConfig(Method.SUPER4PCS_ICP)
-    monkeypatch.setattr(demo, "EstimationConfig", lambda **_: config)
-    monkeypatch.setattr(sys, "argv", ["demo.py", "--out", str(tmp_path / "o")])
-    demo.main()
+    monkeypatch.setattr(example, "EstimationConfig", lambda **_: config)
+    arguments = ["compare_with_truth.py", "--out", str(tmp_path / "o")]
+    monkeypatch.setattr(sys, "argv", arguments)
+    example.main()
     printed = capsys.readouterr().out
     assert "off by mm" in printed
     row = next(line for line in printed.splitlines() if "up_glucose_bottle" in line)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Estimates the example scene, compares with the truth and draws an overlay.
 
-python examples/demo.py --out out/demo
+python examples/compare_with_truth.py --out out/example
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ DATASET = Path(__file__).parent / "data" / "tabletop"
 
 
 def main() -> None:
-    """Runs the demonstration."""
+    """Estimates the example scene."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("out/demo"))
+    parser.add_argument("--out", type=Path, default=Path("out/example"))
     parser.add_argument("--expansions", type=int, default=250)
     arguments = parser.parse_args()
     dataset = BopDataset(DATASET)
