@@ -140,20 +140,12 @@ def _flood_outside(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def lookup(
-    values: Grid, origin: Array, inverse_spacing: float, x: float, y: float, z: float
+def interpolate(
+    values: Grid, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
-    """Trilinear distance and its gradient at one point, for other kernels."""
-    nx, ny, nz = values.shape
-    fx = (x - origin[0]) * inverse_spacing
-    fy = (y - origin[1]) * inverse_spacing
-    fz = (z - origin[2]) * inverse_spacing
-    # Outside, look up the border and add the way to it.
-    cx = min(max(fx, 0.0), nx - 1.001)
-    cy = min(max(fy, 0.0), ny - 1.001)
-    cz = min(max(fz, 0.0), nz - 1.001)
-    i, j, k = int(cx), int(cy), int(cz)
-    u, v, w = cx - i, cy - j, cz - k
+    """Trilinear value, and its gradient, at a point inside the grid, in cells."""
+    i, j, k = int(x), int(y), int(z)
+    u, v, w = x - i, y - j, z - k
     v000, v001 = values[i, j, k], values[i, j, k + 1]
     v010, v011 = values[i, j + 1, k], values[i, j + 1, k + 1]
     v100, v101 = values[i + 1, j, k], values[i + 1, j, k + 1]
@@ -167,6 +159,23 @@ def lookup(
     c0 = (1 - v) * (v001 - v000) + v * (v011 - v010)
     c1 = (1 - v) * (v101 - v100) + v * (v111 - v110)
     gz = (1 - u) * c0 + u * c1
+    return d, gx, gy, gz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def lookup(
+    values: Grid, origin: Array, inverse_spacing: float, x: float, y: float, z: float
+) -> tuple[float, float, float, float]:
+    """Trilinear distance and its gradient at one point, for other kernels."""
+    nx, ny, nz = values.shape
+    fx = (x - origin[0]) * inverse_spacing
+    fy = (y - origin[1]) * inverse_spacing
+    fz = (z - origin[2]) * inverse_spacing
+    # Outside, look up the border and add the way to it.
+    cx = min(max(fx, 0.0), nx - 1.001)
+    cy = min(max(fy, 0.0), ny - 1.001)
+    cz = min(max(fz, 0.0), nz - 1.001)
+    d, gx, gy, gz = interpolate(values, cx, cy, cz)
     gx, gy, gz = gx * inverse_spacing, gy * inverse_spacing, gz * inverse_spacing
     ox, oy, oz = fx - cx, fy - cy, fz - cz
     beyond = math.sqrt(ox * ox + oy * oy + oz * oz)

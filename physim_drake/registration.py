@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from physim_drake.distance_field import DistanceField, Grid, lookup
+from physim_drake.distance_field import DistanceField, Grid, interpolate, lookup
 from physim_drake.poses import Array
 
 
@@ -118,23 +118,6 @@ def trimmed_icp(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _distance_in_frame(
-    values: Grid, origin: Array, inverse_spacing: float, X: Array, p: Array, out: Array
-) -> float:
-    """Distance of p_S to the model at X_SO; writes the gradient in S to `out`."""
-    dx, dy, dz = p[0] - X[0, 3], p[1] - X[1, 3], p[2] - X[2, 3]
-    x = X[0, 0] * dx + X[1, 0] * dy + X[2, 0] * dz
-    y = X[0, 1] * dx + X[1, 1] * dy + X[2, 1] * dz
-    z = X[0, 2] * dx + X[1, 2] * dy + X[2, 2] * dz
-    d: float
-    d, gx, gy, gz = lookup(values, origin, inverse_spacing, x, y, z)
-    out[0] = X[0, 0] * gx + X[0, 1] * gy + X[0, 2] * gz
-    out[1] = X[1, 0] * gx + X[1, 1] * gy + X[1, 2] * gz
-    out[2] = X[2, 0] * gx + X[2, 1] * gy + X[2, 2] * gz
-    return d
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _lcp(
     values: Grid,
     origin: Array,
@@ -146,35 +129,38 @@ def _lcp(
     cos_normal: float,
     scores: Array,
 ) -> None:
-    g = np.empty(3)
-    R = np.empty((3, 3))
     nx, ny, nz = values.shape
     # No distance changes by more than the way from a point to its nearest node.
-    far = delta + 0.87 / inverse_spacing
+    far = np.float32(delta + 0.87 / inverse_spacing)
+    near = delta * inverse_spacing
     for m in range(len(poses)):
         X = poses[m]
-        R[:] = X[:3, :3] * inverse_spacing
-        ox, oy, oz = origin * inverse_spacing - 0.5
+        px, py, pz = X[0, 3], X[1, 3], X[2, 3]
+        a00, a10, a20 = X[0, 0], X[1, 0], X[2, 0]
+        a01, a11, a21 = X[0, 1], X[1, 1], X[2, 1]
+        a02, a12, a22 = X[0, 2], X[1, 2], X[2, 2]
         hits = 0
         for n in range(len(points)):
-            dx = points[n, 0] - X[0, 3]
-            dy = points[n, 1] - X[1, 3]
-            dz = points[n, 2] - X[2, 3]
-            x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz - ox
-            y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz - oy
-            z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz - oz
-            if not (0 <= x < nx and 0 <= y < ny and 0 <= z < nz):
+            dx, dy, dz = points[n, 0] - px, points[n, 1] - py, points[n, 2] - pz
+            x = (a00 * dx + a10 * dy + a20 * dz - origin[0]) * inverse_spacing
+            y = (a01 * dx + a11 * dy + a21 * dz - origin[1]) * inverse_spacing
+            z = (a02 * dx + a12 * dy + a22 * dz - origin[2]) * inverse_spacing
+            if not (0 <= x < nx - 1 and 0 <= y < ny - 1 and 0 <= z < nz - 1):
                 continue
-            if abs(values[int(x), int(y), int(z)]) > far:
+            i, j, k = int(x + 0.5), int(y + 0.5), int(z + 0.5)
+            if abs(values[i, j, k]) > far:
                 continue
-            d = _distance_in_frame(values, origin, inverse_spacing, X, points[n], g)
-            if abs(d) < delta:
-                length = math.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
-                cosine = (
-                    g[0] * normals[n, 0] + g[1] * normals[n, 1] + g[2] * normals[n, 2]
-                )
-                if cosine > cos_normal * length:
-                    hits += 1
+            d, gx, gy, gz = interpolate(values, x, y, z)
+            if abs(d) * inverse_spacing >= near:
+                continue
+            u, v, w = normals[n, 0], normals[n, 1], normals[n, 2]
+            cosine = (
+                gx * (a00 * u + a10 * v + a20 * w)
+                + gy * (a01 * u + a11 * v + a21 * w)
+                + gz * (a02 * u + a12 * v + a22 * w)
+            )
+            if cosine > cos_normal * math.sqrt(gx * gx + gy * gy + gz * gz):
+                hits += 1
         scores[m] = hits / len(points)
 
 
@@ -198,57 +184,151 @@ def _trimmed_icp(
     for n in range(count):
         centre += points[n] / count
     kept = max(6, int(keep * count))
-    gradients = np.empty((count, 3))
-    distances = np.empty(count)
-    magnitude = np.empty(count)
-    J = np.empty(6)
+    rows = np.empty((count, 7))  # of the Jacobian, and the distance
+    magnitude, scratch = np.empty(count), np.empty(count)
+    A, b = np.empty((6, 6)), np.empty(6)
     for m in range(len(poses)):
         X = poses[m]
         for _ in range(iterations):
-            for n in range(count):
-                g = gradients[n]
-                d = _distance_in_frame(values, origin, inverse_spacing, X, points[n], g)
-                length = math.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) + 1e-9
-                cosine = (
-                    g[0] * normals[n, 0] + g[1] * normals[n, 1] + g[2] * normals[n, 2]
-                )
-                distances[n] = d
-                agree = cosine > cos_normal * length
-                magnitude[n] = abs(d) if agree else abs(d) + cutoff
-            threshold = min(cutoff, np.partition(magnitude, kept - 1)[kept - 1])
-            A = np.zeros((6, 6))
-            b = np.zeros(6)
-            used = 0
-            squares = 0.0
-            for n in range(count):
-                if magnitude[n] > threshold:
-                    continue
-                g = gradients[n]
-                x, y, z = points[n] - centre
-                J[0] = y * g[2] - z * g[1]
-                J[1] = z * g[0] - x * g[2]
-                J[2] = x * g[1] - y * g[0]
-                J[3], J[4], J[5] = g[0], g[1], g[2]
-                for i in range(6):
-                    b[i] += J[i] * distances[n]
-                    for j in range(i + 1):
-                        A[i, j] += J[i] * J[j]
-                used += 1
-                squares += distances[n] * distances[n]
+            _linearise(
+                values,
+                origin,
+                inverse_spacing,
+                X,
+                points,
+                normals,
+                centre,
+                cutoff,
+                cos_normal,
+                rows,
+                magnitude,
+            )
+            scratch[:] = magnitude
+            threshold = min(cutoff, _smallest(scratch, kept - 1))
+            used, squares = _accumulate(rows, magnitude, threshold, A, b)
             if used < 6:
                 residuals[m] = np.inf
                 break
             residuals[m] = math.sqrt(squares / used)
-            for i in range(6):
-                for j in range(i):
-                    A[j, i] = A[i, j]
             for i in range(3):
                 A[i, i] += 1e-5 * used
                 A[i + 3, i + 3] += 1e-2 * used
-            step = np.linalg.solve(A, b)
-            apply_step(X, step, centre)
-            if np.abs(step).max() < tolerance:
+            solve_positive(A, b)
+            apply_step(X, b, centre)
+            if np.abs(b).max() < tolerance:
                 break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _linearise(
+    values: Grid,
+    origin: Array,
+    inverse_spacing: float,
+    X: Array,
+    points: Array,
+    normals: Array,
+    centre: Array,
+    cutoff: float,
+    cos_normal: float,
+    rows: Array,
+    magnitude: Array,
+) -> None:
+    """Distances of points, by how much they count, and how the pose changes them."""
+    for n in range(len(points)):
+        dx, dy, dz = (
+            points[n, 0] - X[0, 3],
+            points[n, 1] - X[1, 3],
+            points[n, 2] - X[2, 3],
+        )
+        d, ox, oy, oz = lookup(
+            values,
+            origin,
+            inverse_spacing,
+            X[0, 0] * dx + X[1, 0] * dy + X[2, 0] * dz,
+            X[0, 1] * dx + X[1, 1] * dy + X[2, 1] * dz,
+            X[0, 2] * dx + X[1, 2] * dy + X[2, 2] * dz,
+        )
+        gx = X[0, 0] * ox + X[0, 1] * oy + X[0, 2] * oz
+        gy = X[1, 0] * ox + X[1, 1] * oy + X[1, 2] * oz
+        gz = X[2, 0] * ox + X[2, 1] * oy + X[2, 2] * oz
+        length = math.sqrt(gx * gx + gy * gy + gz * gz) + 1e-9
+        cosine = gx * normals[n, 0] + gy * normals[n, 1] + gz * normals[n, 2]
+        magnitude[n] = abs(d) if cosine > cos_normal * length else abs(d) + cutoff
+        x, y, z = (
+            points[n, 0] - centre[0],
+            points[n, 1] - centre[1],
+            points[n, 2] - centre[2],
+        )
+        rows[n, 0] = y * gz - z * gy
+        rows[n, 1] = z * gx - x * gz
+        rows[n, 2] = x * gy - y * gx
+        rows[n, 3], rows[n, 4], rows[n, 5], rows[n, 6] = gx, gy, gz, d
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _accumulate(
+    rows: Array, magnitude: Array, threshold: float, A: Array, b: Array
+) -> tuple[int, float]:
+    """Normal equations of the rows that count; how many do, and their squares' sum."""
+    A[:], b[:] = 0.0, 0.0
+    used, squares = 0, 0.0
+    for n in range(len(rows)):
+        if magnitude[n] > threshold:
+            continue
+        d = rows[n, 6]
+        for i in range(6):
+            b[i] += rows[n, i] * d
+            for j in range(i + 1):
+                A[i, j] += rows[n, i] * rows[n, j]
+        used += 1
+        squares += d * d
+    return used, squares
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _smallest(values: Array, rank: int) -> float:
+    """The value of this rank from below (Hoare's selection); disorders `values`."""
+    low, high = 0, len(values) - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if rank <= j:
+            high = j
+        elif rank >= i:
+            low = i
+        else:
+            break
+    return float(values[rank])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_positive(A: Array, b: Array) -> None:
+    """Solves A x = b in place by Cholesky; only the lower triangle of A is read."""
+    size = len(b)
+    for i in range(size):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= A[i, k] * A[j, k]
+            if i == j:
+                A[i, i] = math.sqrt(total)
+            else:
+                A[i, j] = total / A[j, j]
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            b[i] -= A[k, i] * b[k]
+        b[i] /= A[i, i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -265,5 +345,12 @@ def apply_step(X: Array, step: Array, centre: Array) -> None:
         R[0, 1], R[1, 0] = k * a * b - s * c, k * a * b + s * c
         R[0, 2], R[2, 0] = k * a * c + s * b, k * a * c - s * b
         R[1, 2], R[2, 1] = k * b * c - s * a, k * b * c + s * a
-    X[:3, :3] = R @ np.ascontiguousarray(X[:3, :3])
-    X[:3, 3] = R @ (np.ascontiguousarray(X[:3, 3]) - centre) + centre + step[3:]
+    # As if the origin were the centre of the turn.
+    for i in range(3):
+        X[i, 3] -= centre[i]
+    for j in range(4):
+        x, y, z = X[0, j], X[1, j], X[2, j]
+        for i in range(3):
+            X[i, j] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+    for i in range(3):
+        X[i, 3] += centre[i] + step[3 + i]

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from physim_drake.hypotheses.clustering import ClusteringConfig, cluster_poses
-from physim_drake.hypotheses.super4pcs import Super4PcsConfig, pair_index, super4pcs
+from physim_drake.hypotheses.pairs import pair_index
+from physim_drake.hypotheses.super4pcs import Super4PcsConfig, super4pcs
 from physim_drake.hypotheses.visibility import visibility
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
 from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
-from physim_drake.registration_model import registration_model
+from physim_drake.registration_model import RegistrationModel, registration_model
 from physim_drake.scene import Scene
 
 
@@ -105,8 +106,7 @@ def generate_hypotheses(
         )
     distances = prepared.distance_field
     lcp = lcp_scores(distances, X_SO, points[::2], normals[::2], config.lcp_delta)
-    seen = visibility(prepared, X_SO, scene)
-    best = np.argsort(-lcp * seen, kind="stable")[: config.polished]
+    best = _most_promising(prepared, X_SO, lcp, scene, config.polished)
     X_SO[best], _ = trimmed_icp(distances, X_SO[best], points, normals, config.polish)
     fine = lcp_scores(distances, X_SO[best], points, normals, config.lcp_delta / 2)
     lcp[best] = fine
@@ -116,3 +116,23 @@ def generate_hypotheses(
     ]
     chosen = chosen[np.argsort(-lcp[chosen], kind="stable")]
     return PoseHypotheses(model.object_id, X_SO, lcp, chosen)
+
+
+def _most_promising(
+    prepared: RegistrationModel, X_SO: Array, lcp: Array, scene: Scene, count: int
+) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Indices of the poses whose LCP score times visibility is largest.
+
+    Visibility is at most 1, so poses need not be looked at once their score alone is
+    less than what enough others have.
+    """
+    order = np.argsort(-lcp, kind="stable")
+    weights = np.zeros(0)
+    for start in range(0, len(order), count):
+        following = order[start : start + count]
+        seen = visibility(prepared, X_SO[following], scene)
+        weights = np.concatenate([weights, lcp[following] * seen])
+        rest = order[start + count : start + count + 1]
+        if (lcp[rest] <= np.partition(weights, -count)[-count]).all():
+            break
+    return order[np.argsort(-weights, kind="stable")[:count]]

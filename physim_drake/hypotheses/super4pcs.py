@@ -3,25 +3,23 @@
 
 A base of four nearly coplanar points is drawn from the observed segment; sets of four
 model points with the same two diagonals, crossing at the same ratios and the same
-angle, are congruent to it, and each gives a rigid transform. Pairs of model points
-are indexed once an object by their length and normals, so that extracting the pairs
-of a base costs what it returns.
+angle, are congruent to it, and each gives a rigid transform.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from physim_drake.objects import ObjectModel
-from physim_drake.poses import Array, nearest_rotation
-from physim_drake.registration_model import registration_model
+from physim_drake.hypotheses.bases import draw_bases
+from physim_drake.hypotheses.pairs import Indices, PairIndex, Points, find_pairs
+from physim_drake.hypotheses.rigid_fit import fit_sets
+from physim_drake.poses import Array
 
-Indices = NDArray[np.int64]
+_BLOCK = 32  # bases drawn at a time
 
 
 @dataclass(frozen=True)
@@ -32,91 +30,20 @@ class Super4PcsConfig:
         hypotheses: stops when this many poses were found.
         sets_per_base: at most this many of one base's congruent sets, drawn evenly.
         max_pairs: at most this many model pairs for one diagonal, drawn evenly.
-        delta: how well distances must agree, m.
+        delta: how well distances must agree, m; the root mean square distance of a
+            pose's four points is at most twice as much.
         max_normal_angle: how well normals must agree, rad.
         max_set_angle: how well the angle between the diagonals must agree, rad.
-        max_bases: stops after this many bases.
+        max_bases: stops after trying this many bases.
     """
 
     hypotheses: int = 20_000
     sets_per_base: int = 250
-    max_pairs: int = 600
+    max_pairs: int = 1000
     delta: float = 0.005
     max_normal_angle: float = np.radians(30.0)
     max_set_angle: float = np.radians(10.0)
-    max_bases: int = 700
-
-
-class PairIndex:
-    """All ordered pairs of model points, sorted by length, with their normals' angles.
-
-    Args:
-        points: p_O, (N, 3), m.
-        normals: unit, (N, 3).
-    """
-
-    def __init__(self, points: Array, normals: Array) -> None:
-        self.points, self.normals = points, normals
-        first, second = np.nonzero(~np.eye(len(points), dtype=bool))
-        lengths = np.linalg.norm(points[second] - points[first], axis=1)
-        order = np.argsort(lengths, kind="stable")
-        order = order[lengths[order] > 1e-6]
-        self.lengths = lengths[order]
-        self.first, self.second = first[order], second[order]
-        self._angles = pair_angles(
-            points[self.first],
-            normals[self.first],
-            points[self.second],
-            normals[self.second],
-        )
-
-    def find(
-        self, length: float, angles: Array, config: Super4PcsConfig
-    ) -> tuple[Indices, Indices]:
-        """First and second points of the pairs of this length and these angles.
-
-        Args:
-            length: m.
-            angles: the three of `pair_angles`, rad.
-            config: tolerances, and how many pairs to return at most.
-        """
-        low, high = np.searchsorted(
-            self.lengths, (length - config.delta, length + config.delta)
-        )
-        found = low + _close_rows(
-            self._angles[low:high], angles, config.max_normal_angle
-        )
-        found = _thinned(found, config.max_pairs)
-        return self.first[found], self.second[found]
-
-
-@lru_cache(maxsize=256)
-def pair_index(model: ObjectModel) -> PairIndex:
-    """The pair index of an object; the last 256 are kept."""
-    prepared = registration_model(model)
-    return PairIndex(prepared.points, prepared.normals)
-
-
-def pair_angles(p1: Array, n1: Array, p2: Array, n2: Array) -> Array:
-    """Angles (..., 3) of both normals to the line between points, and to each other."""
-    line = p2 - p1
-    line = line / (np.linalg.norm(line, axis=-1, keepdims=True) + 1e-12)
-
-    def angle(a: Array, b: Array) -> Array:
-        cosine = np.einsum("...i,...i->...", a, b)
-        return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
-
-    return np.stack([angle(n1, line), angle(n2, line), angle(n1, n2)], axis=-1)
-
-
-@dataclass(frozen=True)
-class _Base:
-    """Four points whose diagonals 0-1 and 2-3 nearly cross, at the given ratios."""
-
-    points: Array
-    normals: Array
-    ratios: tuple[float, float]
-    angle: float
+    max_bases: int = 3000
 
 
 def super4pcs(
@@ -132,130 +59,119 @@ def super4pcs(
         index: the model's pairs.
         points: the segment's p_S, (N, 3), m.
         normals: its unit normals, (N, 3).
-        generator: draws bases, and sets where there are too many.
+        generator: draws bases.
         config: sizes and tolerances.
 
     Returns:
         X_SO, (M, 4, 4); empty where the segment has too few points or fits nowhere.
     """
+    poses = np.zeros((config.hypotheses, 4, 4))
     if len(points) < 4:
-        return np.zeros((0, 4, 4))
-    bases: list[_Base] = []
-    sets: list[Indices] = []
-    total = 0
+        return poses[:0]
+    points, normals = np.ascontiguousarray(points), np.ascontiguousarray(normals)
+    count, tried = 0, 0
     reach = float(index.lengths[-1])
-    for _ in range(config.max_bases):
-        base = _draw_base(points, normals, reach, generator, config)
-        if base is None:
-            continue
-        congruent = _congruent_sets(index, base, config)
-        if len(congruent):
-            bases.append(base)
-            sets.append(congruent)
-            total += len(congruent)
-        # A few fits are poor and go, so a few more sets than poses.
-        if total >= 1.2 * config.hypotheses:
-            break
-    if not sets:
-        return np.zeros((0, 4, 4))
-    return _fit_sets(index, bases, sets, config)[: config.hypotheses]
+    while count < len(poses) and tried < config.max_bases:
+        bases = draw_bases(points, reach, config.delta, _BLOCK, generator)
+        tried += _BLOCK
+        for corners, ratios, angle in zip(
+            bases.corners, bases.ratios, bases.angles, strict=True
+        ):
+            p, n = points[corners], normals[corners]
+            sets = congruent_sets(index, p, n, ratios, angle, config)
+            count += fit_sets(
+                p, n, index.points, index.normals, sets, 2 * config.delta, poses[count:]
+            )
+    return poses[:count]
 
 
-def _draw_base(
+def congruent_sets(
+    index: PairIndex,
     points: Array,
     normals: Array,
-    reach: float,
-    generator: np.random.Generator,
+    ratios: Array,
+    angle: float,
     config: Super4PcsConfig,
-    tries: int = 60,
-) -> _Base | None:
-    """Draws a wide base; among many random fourth points the widest good one."""
-    i = int(generator.integers(len(points)))
-    offsets = points - points[i]
-    distances = np.linalg.norm(offsets, axis=1)
-    limit = min(reach, float(distances.max()))
-    partners = np.flatnonzero((distances > 0.4 * limit) & (distances <= limit))
-    if len(partners) == 0:
-        return None
-    j = int(generator.choice(partners))
-    line = points[j] - points[i]
-    others = generator.integers(len(points), size=(tries, 2))
-    start, end = points[others[:, 0]], points[others[:, 1]]
-    # Closest points of the lines i-j and k-l: solve for their ratios.
-    cross = end - start
-    a, b, c = (
-        line @ line,
-        cross @ line,
-        np.einsum("ni,ni->n", cross, cross),
-    )
-    w = points[i] - start
-    d, e = w @ line, np.einsum("ni,ni->n", cross, w)
-    denominator = a * c - b * b
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = (b * e - c * d) / denominator
-        t = (a * e - b * d) / denominator
-        gap = np.linalg.norm(w + s[:, None] * line - t[:, None] * cross, axis=1)
-        sine = np.sqrt(np.maximum(denominator, 0) / (a * c))
-    good = (
-        (gap < config.delta)
-        & (s > 0.05)
-        & (s < 0.95)
-        & (t > 0.05)
-        & (t < 0.95)
-        & (np.sqrt(c) < reach)
-        & (np.sqrt(c) > 0.25 * limit)
-    )
-    if not good.any():
-        return None
-    width = np.where(good, sine * np.sqrt(c), -1.0)
-    best = int(width.argmax())
-    chosen = np.array([i, j, *others[best]])
-    cosine = line @ cross[best] / np.sqrt(a * c[best])
-    return _Base(
-        points[chosen],
-        normals[chosen],
-        (float(s[best]), float(t[best])),
-        float(np.arccos(np.clip(cosine, -1, 1))),
-    )
+) -> Points:
+    """Model points congruent to a base.
 
+    Args:
+        index: the model's pairs.
+        points: of the base, (4, 3), m.
+        normals: its unit normals, (4, 3).
+        ratios: where its diagonals 0-1 and 2-3 cross, (2,).
+        angle: between its diagonals, rad.
+        config: tolerances.
 
-def _congruent_sets(index: PairIndex, base: _Base, config: Super4PcsConfig) -> Indices:
-    """Model points (M, 4) congruent to the base."""
-    ends: list[Indices] = []
-    for k in (0, 2):
-        p, n = base.points[k : k + 2], base.normals[k : k + 2]
-        length = float(np.linalg.norm(p[1] - p[0]))
-        ends += index.find(length, pair_angles(p[0], n[0], p[1], n[1]), config)
-    if len(ends[0]) == 0 or len(ends[2]) == 0:
-        return np.zeros((0, 4), dtype=np.int64)
-    crossings, lines = [], []
-    for k, ratio in zip((0, 2), base.ratios, strict=True):
-        start, line = index.points[ends[k]], index.points[ends[k + 1]]
-        line = line - start
-        crossings.append(start + ratio * line)
-        lines.append(line / np.linalg.norm(line, axis=1, keepdims=True))
-    # Swept along the longest axis of the crossings.
-    axis = int(np.ptp(crossings[0], axis=0).argmax())
-    crossings = [np.roll(c, -axis, axis=1) for c in crossings]
-    orders = [np.argsort(c[:, 0], kind="stable") for c in crossings]
-    rows, columns = _matches(
-        crossings[0][orders[0]],
-        crossings[1][orders[1]],
-        lines[0][orders[0]],
-        lines[1][orders[1]],
+    Returns:
+        indices of model points, (M, 4).
+    """
+    sets: Points = _congruent_sets(
+        index.points,
+        index.lengths,
+        index.angles,
+        index.first,
+        index.second,
+        points,
+        normals,
+        ratios,
         config.delta,
-        np.cos(base.angle + config.max_set_angle)
-        if base.angle + config.max_set_angle < np.pi
-        else -1.0,
-        np.cos(max(base.angle - config.max_set_angle, 0.0)),
+        config.max_normal_angle,
+        np.cos(min(angle + config.max_set_angle, np.pi)),
+        np.cos(max(angle - config.max_set_angle, 0.0)),
+        config.max_pairs,
+        config.sets_per_base,
     )
-    kept = _thinned(np.arange(len(rows)), config.sets_per_base)
-    first, second = orders[0][rows[kept]], orders[1][columns[kept]]
-    return np.stack(
-        [ends[0][first], ends[1][first], ends[2][second], ends[3][second]], axis=1
-    )
+    return sets
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _congruent_sets(
+    model: Array,
+    lengths: Array,
+    pair_angles: Array,
+    first: Points,
+    second: Points,
+    points: Array,
+    normals: Array,
+    ratios: Array,
+    delta: float,
+    max_normal_angle: float,
+    cos_low: float,
+    cos_high: float,
+    max_pairs: int,
+    max_sets: int,
+) -> Points:
+    pairs = []
+    for k in (0, 2):
+        line = points[k + 1] - points[k]
+        length = np.sqrt(np.square(line).sum())
+        line /= length
+        wanted = np.empty(3)
+        wanted[0] = np.arccos(min(max((normals[k] * line).sum(), -1.0), 1.0))
+        wanted[1] = np.arccos(min(max((normals[k + 1] * line).sum(), -1.0), 1.0))
+        wanted[2] = np.arccos(min(max((normals[k] * normals[k + 1]).sum(), -1.0), 1.0))
+        found = find_pairs(
+            lengths, pair_angles, length, wanted, delta, max_normal_angle
+        )
+        pairs.append(_thinned(found, max_pairs))
+    rows, columns = _meeting(
+        _crossings(model, first[pairs[0]], second[pairs[0]], ratios[0]),
+        _crossings(model, first[pairs[1]], second[pairs[1]], ratios[1]),
+        delta,
+        cos_low,
+        cos_high,
+    )
+    kept = _thinned(np.arange(len(rows)), max_sets)
+    sets = np.empty((len(kept), 4), dtype=np.int32)
+    for n in range(len(kept)):
+        a, b = pairs[0][rows[kept[n]]], pairs[1][columns[kept[n]]]
+        sets[n, 0], sets[n, 1] = first[a], second[a]
+        sets[n, 2], sets[n, 3] = first[b], second[b]
+    return sets
+
+
+@njit(cache=True, nogil=True)
 def _thinned(indices: Indices, count: int) -> Indices:
     """At most `count` of the indices, evenly."""
     if len(indices) <= count:
@@ -263,80 +179,83 @@ def _thinned(indices: Indices, count: int) -> Indices:
     return indices[np.arange(count) * len(indices) // count]
 
 
-@njit(cache=True, nogil=True)
-def _close_rows(rows: Array, wanted: Array, tolerance: float) -> Indices:
-    """Indices of the rows (N, 3) whose every entry is near the wanted one."""
-    found = np.empty(len(rows), dtype=np.int64)
-    count = 0
-    for n in range(len(rows)):
-        if (
-            abs(rows[n, 0] - wanted[0]) < tolerance
-            and abs(rows[n, 1] - wanted[1]) < tolerance
-            and abs(rows[n, 2] - wanted[2]) < tolerance
-        ):
-            found[count] = n
-            count += 1
-    return found[:count]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _crossings(model: Array, first: Points, second: Points, ratio: float) -> Array:
+    """The point at a ratio of each pair, and the pair's direction: (N, 6)."""
+    result = np.empty((len(first), 6))
+    for n in range(len(first)):
+        p, q = model[first[n]], model[second[n]]
+        dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        result[n, 0] = p[0] + ratio * dx
+        result[n, 1] = p[1] + ratio * dy
+        result[n, 2] = p[2] + ratio * dz
+        result[n, 3], result[n, 4] = dx / length, dy / length
+        result[n, 5] = dz / length
+    return result
 
 
-@njit(cache=True, nogil=True)
-def _matches(
-    A: Array,
-    B: Array,
-    lines_A: Array,
-    lines_B: Array,
-    delta: float,
-    cos_low: float,
-    cos_high: float,
+@njit(cache=True, nogil=True, error_model="numpy")
+def _meeting(
+    A: Array, B: Array, delta: float, cos_low: float, cos_high: float
 ) -> tuple[Indices, Indices]:
-    """Pairs of points of A and B, both sorted by x, that meet at the right angle."""
-    rows = np.empty(1024, dtype=np.int64)
-    columns = np.empty(1024, dtype=np.int64)
-    count, begin = 0, 0
+    """Rows of A and B whose points meet and whose directions are at the right angle."""
+    rows, columns = np.empty(1024, dtype=np.int64), np.empty(1024, dtype=np.int64)
+    count = 0
+    if len(A) == 0 or len(B) == 0:
+        return rows[:0], columns[:0]
+    low, shape, starts, order = _cells(B, delta)
     for i in range(len(A)):
-        while begin < len(B) and B[begin, 0] < A[i, 0] - delta:
-            begin += 1
-        j = begin
-        while j < len(B) and B[j, 0] <= A[i, 0] + delta:
-            dy, dz = B[j, 1] - A[i, 1], B[j, 2] - A[i, 2]
-            dx = B[j, 0] - A[i, 0]
-            if dx * dx + dy * dy + dz * dz < delta * delta:
-                cosine = (
-                    lines_A[i, 0] * lines_B[j, 0]
-                    + lines_A[i, 1] * lines_B[j, 1]
-                    + lines_A[i, 2] * lines_B[j, 2]
-                )
-                if cos_low <= cosine <= cos_high:
-                    if count == len(rows):
-                        rows = np.concatenate((rows, np.empty_like(rows)))
-                        columns = np.concatenate((columns, np.empty_like(columns)))
-                    rows[count], columns[count] = i, j
-                    count += 1
-            j += 1
+        x, y, z = A[i, 0], A[i, 1], A[i, 2]
+        cx = math.floor((x - low[0]) / delta)
+        cy = math.floor((y - low[1]) / delta)
+        cz = math.floor((z - low[2]) / delta)
+        if cz < -1 or cz > shape[2]:
+            continue
+        near, far = max(cz - 1, 0), min(cz + 1, shape[2] - 1)
+        for nx in range(max(cx - 1, 0), min(cx + 2, shape[0])):
+            for ny in range(max(cy - 1, 0), min(cy + 2, shape[1])):
+                # Cells one after the other in z hold points one after the other.
+                column = (nx * shape[1] + ny) * shape[2]
+                for n in range(starts[column + near], starts[column + far + 1]):
+                    j = order[n]
+                    dx, dy, dz = B[j, 0] - x, B[j, 1] - y, B[j, 2] - z
+                    if dx * dx + dy * dy + dz * dz >= delta * delta:
+                        continue
+                    cosine = A[i, 3] * B[j, 3] + A[i, 4] * B[j, 4] + A[i, 5] * B[j, 5]
+                    if cos_low <= cosine <= cos_high:
+                        if count == len(rows):
+                            rows = np.concatenate((rows, np.empty_like(rows)))
+                            columns = np.concatenate((columns, np.empty_like(columns)))
+                        rows[count], columns[count] = i, j
+                        count += 1
     return rows[:count], columns[:count]
 
 
-def _fit_sets(
-    index: PairIndex,
-    bases: list[_Base],
-    sets: list[Indices],
-    config: Super4PcsConfig,
-) -> Array:
-    """Least-squares poses X_SO (M, 4, 4) from points and normals; poor fits go."""
-    counts = [len(s) for s in sets]
-    points = np.repeat(np.stack([b.points for b in bases]), counts, axis=0)
-    normals = np.repeat(np.stack([b.normals for b in bases]), counts, axis=0)
-    chosen = np.concatenate(sets)
-    model = index.points[chosen]
-    centres_S, centres_O = points.mean(axis=1), model.mean(axis=1)
-    arms = points - centres_S[:, None]
-    weight = 0.3 * (arms**2).sum(axis=2).mean(axis=1)
-    H = np.swapaxes(arms, 1, 2) @ (model - centres_O[:, None])
-    H += weight[:, None, None] * (np.swapaxes(normals, 1, 2) @ index.normals[chosen])
-    R = nearest_rotation(H)
-    poses = np.tile(np.eye(4), (len(chosen), 1, 1))
-    poses[:, :3, :3] = R
-    poses[:, :3, 3] = centres_S - np.einsum("nij,nj->ni", R, centres_O)
-    residual = model @ np.swapaxes(R, 1, 2) + poses[:, None, :3, 3] - points
-    rms = np.sqrt((residual**2).sum(axis=2).mean(axis=1))
-    return np.asarray(poses[rms < 2 * config.delta])
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cells(points: Array, size: float) -> tuple[Array, Points, Points, Points]:
+    """Sorts points, the first three columns of (N, ...), into cubes.
+
+    Returns:
+        the corner of the first cube, how many there are along each axis, and, for all
+        cubes in order, where the points of each begin in the last array.
+    """
+    low, shape = np.empty(3), np.empty(3, dtype=np.int32)
+    for x in range(3):
+        low[x] = points[:, x].min()
+        shape[x] = int((points[:, x].max() - low[x]) / size) + 1
+    cells = np.empty(len(points), dtype=np.int32)
+    starts = np.zeros(shape[0] * shape[1] * shape[2] + 1, dtype=np.int32)
+    for n in range(len(points)):
+        x = int((points[n, 0] - low[0]) / size)
+        y = int((points[n, 1] - low[1]) / size)
+        z = int((points[n, 2] - low[2]) / size)
+        cells[n] = (x * shape[1] + y) * shape[2] + z
+        starts[cells[n] + 1] += 1
+    starts = np.cumsum(starts).astype(np.int32)
+    order = np.empty(len(points), dtype=np.int32)
+    filled = starts.copy()
+    for n in range(len(points)):
+        order[filled[cells[n]]] = n
+        filled[cells[n]] += 1
+    return low, shape, starts, order

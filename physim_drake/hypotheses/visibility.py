@@ -9,6 +9,8 @@ says nothing where something nearer hides it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -59,12 +61,17 @@ def _visibility(
     result: Array,
 ) -> None:
     height, width = depth.shape
+    X_CO = np.empty((3, 4))
     for m in range(len(poses)):
         X_SO = poses[m]
-        X_CO = X_CS @ X_SO
+        for i in range(3):
+            for j in range(4):
+                X_CO[i, j] = X_CS[i, 3] if j == 3 else 0.0
+                for k in range(3):
+                    X_CO[i, j] += X_CS[i, k] * X_SO[k, j]
         confirmed, refuted = 0, 0
         for n in range(len(points)):
-            x, y, z = points[n]
+            x, y, z = points[n, 0], points[n, 1], points[n, 2]
             height_S = X_SO[2, 0] * x + X_SO[2, 1] * y + X_SO[2, 2] * z + X_SO[2, 3]
             if height_S < -_SUNK:
                 refuted += 1
@@ -75,7 +82,7 @@ def _visibility(
             if pz <= 0:
                 refuted += 1
                 continue
-            a, b, c = normals[n]
+            a, b, c = normals[n, 0], normals[n, 1], normals[n, 2]
             facing = (
                 px * (X_CO[0, 0] * a + X_CO[0, 1] * b + X_CO[0, 2] * c)
                 + py * (X_CO[1, 0] * a + X_CO[1, 1] * b + X_CO[1, 2] * c)
@@ -83,8 +90,8 @@ def _visibility(
             )
             if facing >= 0:
                 continue
-            u = round(K[0] * px / pz + K[2])
-            v = round(K[1] * py / pz + K[3])
+            u = math.floor(K[0] * px / pz + K[2] + 0.5)
+            v = math.floor(K[1] * py / pz + K[3] + 0.5)
             if u < 0 or u >= width or v < 0 or v >= height:
                 continue
             d = depth[v, u]

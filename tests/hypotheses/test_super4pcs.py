@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from physim_drake.hypotheses import super4pcs as module
+from physim_drake.hypotheses.bases import Bases, draw_bases
+from physim_drake.hypotheses.pairs import PairIndex, Points, pair_angles, pair_index
+from physim_drake.hypotheses.rigid_fit import fit_sets
 from physim_drake.hypotheses.super4pcs import (
-    PairIndex,
     Super4PcsConfig,
-    pair_angles,
-    pair_index,
+    congruent_sets,
     super4pcs,
 )
 from physim_drake.poses import (
@@ -33,15 +31,7 @@ X_SO = make_pose(
     Rotation.from_rotvec([0.3, -0.8, 1.2]).as_matrix(), np.array([0.1, -0.05, 0.2])
 )
 SMALL = Super4PcsConfig(hypotheses=3000)
-seeds = st.integers(0, 2**31)
-
-
-@cache
-def small_index(seed: int = 0) -> PairIndex:
-    generator = np.random.default_rng(seed)
-    points, normals = generator.normal(size=(2, 25, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return PairIndex(0.05 * points, normals)
+CONFIG = Super4PcsConfig()
 
 
 def placed_l(count: int) -> tuple[Array, Array]:
@@ -50,74 +40,110 @@ def placed_l(count: int) -> tuple[Array, Array]:
     return transform_points(X_SO, points), normals @ X_SO[:3, :3].T
 
 
-@given(seeds)
-def test_pair_angles_do_not_change_with_the_pose(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    p1, n1, p2, n2 = generator.normal(size=(4, 6, 3))
-    n1 /= np.linalg.norm(n1, axis=1, keepdims=True)
-    n2 /= np.linalg.norm(n2, axis=1, keepdims=True)
-    R = Rotation.random(rng=generator).as_matrix()
-    moved = pair_angles(p1 @ R.T + 1, n1 @ R.T, p2 @ R.T + 1, n2 @ R.T)
-    np.testing.assert_allclose(moved, pair_angles(p1, n1, p2, n2), atol=1e-6)
+@cache
+def bases() -> Bases:
+    points, _ = placed_l(150)
+    return draw_bases(points, 0.14, CONFIG.delta, 60, np.random.default_rng(0))
 
 
-def test_pair_angles_by_hand() -> None:
-    x, y, z = np.eye(3)
-    angles = np.degrees(pair_angles(0 * x, z, 2 * x, (x + z) / np.sqrt(2)))
-    np.testing.assert_allclose(angles, [90, 45, 45])
-    along = np.degrees(pair_angles(0 * x, x, x, y))
-    np.testing.assert_allclose(along, [0, 90, 90], atol=1e-3)
-
-
-@settings(max_examples=40)
-@given(st.floats(0.0, 0.3), seeds)
-def test_the_index_finds_exactly_the_pairs_that_fit(length: float, seed: int) -> None:
-    index = small_index()
-    angles = np.random.default_rng(seed).uniform(0.5, 2.5, 3)
-    config = Super4PcsConfig(delta=0.01, max_normal_angle=0.8)
-    found = index.find(length, angles, config)
-    pairs = set(zip(*found, strict=True))
-    expected = set()
-    for i in range(25):
-        for j in range(25):
-            p, q = index.points[[i, j]]
-            if i == j or not abs(np.linalg.norm(q - p) - length) < config.delta:
-                continue
-            own = pair_angles(p, index.normals[i], q, index.normals[j])
-            if np.abs(own - angles).max() < config.max_normal_angle:
-                expected.add((i, j))
-    assert pairs == expected
-
-
-def test_poses_put_congruent_sets_on_their_bases(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    calls: list[tuple[Any, Any, Array]] = []
-    original: Any = module._fit_sets
-
-    def recorded(index: Any, bases: Any, sets: Any, config: Any) -> Array:
-        poses = np.asarray(original(index, bases, sets, config))
-        calls.append((bases, sets, poses))
-        return poses
-
-    monkeypatch.setattr(module, "_fit_sets", recorded)
-    config = Super4PcsConfig(hypotheses=500)
+def test_congruent_sets_have_the_base_s_diagonals_and_normals() -> None:
     points, normals = placed_l(150)
     index = pair_index(l_shape())
-    super4pcs(index, points, normals, np.random.default_rng(0), config)
-    ((bases, sets, poses),) = calls
-    assert len(poses) > 400
-    least = np.full(len(poses), np.inf)
-    for base, found in zip(bases, sets, strict=True):
-        # Coplanar to within delta, as Super4PCS wants it, and wide.
-        extents = np.linalg.svd(base.points - base.points.mean(axis=0))[1]
-        assert extents[2] < config.delta
-        assert extents[1] > 0.01
-        for four in index.points[found]:
-            put = transform_points(poses, four) - base.points
-            rms = np.sqrt((put**2).sum(axis=2).mean(axis=1))
-            least = np.minimum(least, rms)
-    assert least.max() < 2 * config.delta
+    total = 0
+    for corners, ratios, angle in zip(
+        bases().corners, bases().ratios, bases().angles, strict=True
+    ):
+        base = points[corners]
+        sets = congruent_sets(index, base, normals[corners], ratios, angle, CONFIG)
+        total += len(sets)
+        a, b, c, d = np.moveaxis(index.points[sets], 1, 0)
+        for k, (p, q) in enumerate(((a, b), (c, d))):
+            length = np.linalg.norm(base[2 * k + 1] - base[2 * k])
+            found = np.linalg.norm(q - p, axis=1)
+            np.testing.assert_allclose(found, length, atol=CONFIG.delta)
+        gap = a + ratios[0] * (b - a) - c - ratios[1] * (d - c)
+        assert (np.linalg.norm(gap, axis=1) < CONFIG.delta).all()
+        for own, wanted in (
+            (pair_angles(a, n_O(sets, 0), b, n_O(sets, 1)), (0, 1)),
+            (pair_angles(c, n_O(sets, 2), d, n_O(sets, 3)), (2, 3)),
+        ):
+            i, j = corners[list(wanted)]
+            angles = pair_angles(points[i], normals[i], points[j], normals[j])
+            assert (np.abs(own - angles) < CONFIG.max_normal_angle).all()
+    assert total > 2000
+
+
+def n_O(sets: Points, k: int) -> Array:
+    return np.asarray(pair_index(l_shape()).normals[sets[:, k]])
+
+
+def test_no_congruent_set_is_missed() -> None:
+    points, normals = placed_l(150)
+    full = pair_index(l_shape())
+    few = np.random.default_rng(0).choice(len(full.points), 60, replace=False)
+    index = PairIndex(full.points[few], full.normals[few])
+    # All pairs against all, for the three first bases.
+    for corners, ratios, angle in zip(
+        bases().corners[:3], bases().ratios[:3], bases().angles[:3], strict=True
+    ):
+        p, n = points[corners], normals[corners]
+        ends = []
+        for k in (0, 2):
+            length = float(np.linalg.norm(p[k + 1] - p[k]))
+            angles = pair_angles(p[k], n[k], p[k + 1], n[k + 1])
+            ends.append(
+                np.stack(
+                    index.find(length, angles, CONFIG.delta, CONFIG.max_normal_angle)
+                )
+            )
+        (a, b), (c, d) = (index.points[e][:, :, None] for e in ends)
+        c, d = np.swapaxes(c, 0, 1), np.swapaxes(d, 0, 1)
+        gap = a + ratios[0] * (b - a) - c - ratios[1] * (d - c)
+        cosine = ((b - a) * (d - c)).sum(axis=2)
+        cosine /= np.linalg.norm(b - a, axis=2) * np.linalg.norm(d - c, axis=2)
+        right = np.abs(np.arccos(cosine) - angle) < CONFIG.max_set_angle
+        rows, columns = np.nonzero((np.linalg.norm(gap, axis=2) < CONFIG.delta) & right)
+        expected = np.concatenate([ends[0][:, rows], ends[1][:, columns]]).T
+        config = replace(CONFIG, max_pairs=10**6, sets_per_base=10**6)
+        found = congruent_sets(index, p, n, ratios, angle, config)
+        assert {tuple(s) for s in found} == {tuple(s) for s in expected}
+        assert len(found) == len(expected)
+
+
+def test_poses_put_congruent_sets_on_their_bases() -> None:
+    points, normals = placed_l(150)
+    index = pair_index(l_shape())
+    total = 0
+    for corners, ratios, angle in zip(
+        bases().corners, bases().ratios, bases().angles, strict=True
+    ):
+        base = points[corners], normals[corners]
+        sets = congruent_sets(index, *base, ratios, angle, CONFIG)
+        poses = np.zeros((len(sets), 4, 4))
+        fits = fit_sets(*base, index.points, index.normals, sets, 0.01, poses)
+        total += fits
+        for X in poses[:fits]:
+            residual = transform_points(X, index.points[sets.ravel()]).reshape(-1, 4, 3)
+            squares = np.square(residual - base[0]).sum(axis=2)
+            assert np.sqrt(squares.mean(axis=1)).min() < 0.01
+    assert total > 1000
+
+
+def test_poor_fits_and_what_is_too_much_are_left_out() -> None:
+    points, normals = placed_l(150)
+    index = pair_index(l_shape())
+    corners, ratios = bases().corners[0], bases().ratios[0]
+    base = points[corners], normals[corners]
+    sets = congruent_sets(index, *base, ratios, bases().angles[0], CONFIG)
+    poses = np.zeros((len(sets), 4, 4))
+
+    def fits(max_rms: float, room: int) -> int:
+        model = index.points, index.normals
+        return int(fit_sets(*base, *model, sets, max_rms, poses[:room]))
+
+    assert 0 < fits(0.003, len(sets)) < fits(0.01, len(sets)) <= len(sets)
+    assert fits(0.01, 2) == 2
+    assert fits(0.01, 0) == 0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -126,7 +152,7 @@ def test_it_finds_the_pose_of_a_whole_surface(seed: int) -> None:
     poses = super4pcs(
         pair_index(l_shape()), points, normals, np.random.default_rng(seed), SMALL
     )
-    assert 0.5 * SMALL.hypotheses < len(poses) <= SMALL.hypotheses
+    assert len(poses) == SMALL.hypotheses
     field = registration_model(l_shape()).distance_field
     best = poses[int(lcp_scores(field, poses, points, normals, 0.006).argmax())]
     assert np.linalg.norm(best[:3, 3] - X_SO[:3, 3]) < 0.01
