@@ -194,8 +194,15 @@ def worker_processes() -> Check:
     for process, link in started:
         if not link.poll(_WORKER_TIMEOUT):
             raise TimeoutError(f"a worker was silent for {_WORKER_TIMEOUT:.0f} s")
-        if link.recv() == os.getpid():
-            raise RuntimeError("a worker runs in the process that started it")
+        try:
+            word = link.recv()
+        except EOFError:
+            process.join()
+            raise RuntimeError(
+                f"a worker ended at once, exit status {process.exitcode}"
+            ) from None
+        if word != process.pid:
+            raise RuntimeError(f"a worker cannot start: {word}")
         process.join()
     taken = time.monotonic() - start
     return Check("worker processes", Status.OK, f"two started in {taken:.1f} s")
@@ -203,8 +210,12 @@ def worker_processes() -> Check:
 
 def _report_in(link: Connection) -> None:
     """What a worker does here: imports what it would need, and tells who it is."""
-    importlib.import_module("physim_drake.workers")
-    link.send(os.getpid())
+    try:
+        importlib.import_module("physim_drake.workers")
+    except Exception as error:
+        link.send(f"{type(error).__name__}: {error}")
+    else:
+        link.send(os.getpid())
 
 
 def models() -> Check:

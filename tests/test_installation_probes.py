@@ -21,6 +21,7 @@ from physim_drake.installation_probes import (
     physics,
     rendering,
     torch_device,
+    worker_processes,
 )
 from physim_drake.physics.settling import Settled, Settler
 from physim_drake.poses import Array
@@ -90,6 +91,14 @@ def test_a_box_that_sinks_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Settler, "settle", sink)
     with pytest.raises(RuntimeError, match=r"ends -50\.0 mm above"):
         physics()
+
+
+def test_a_worker_that_ends_at_once_is_noticed(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(installation_probes, "_report_in", sys.exit)
+    with pytest.raises(RuntimeError, match="ended at once, exit status 1"):
+        worker_processes()
 
 
 @pytest.fixture

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: MIT
+"""The wheel and the source archive hold everything, and an installed wheel works."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import venv
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import yaml
+
+from physim_drake import __version__
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("physim_drake", "models", "systems")
+LEFT_OUT = {".gitignore"}
+
+_BUILD = "import sys, setuptools.build_meta as b; b.build_{}(sys.argv[1])"
+
+
+@dataclass(frozen=True)
+class Built:
+    """What was built of a copy of the working tree.
+
+    Attributes:
+        tracked: the files that git knows, relative to the root.
+        copied: these, and those that it would know after `git add`.
+        wheel: built of the copy.
+        sdist: built of the copy.
+        wheel_of_sdist: built of what `sdist` holds.
+    """
+
+    tracked: frozenset[str]
+    copied: frozenset[str]
+    wheel: Path
+    sdist: Path
+    wheel_of_sdist: Path
+
+
+def build(what: str, source: Path, out: Path) -> Path:
+    """Builds a wheel or an sdist of a folder, as pip does."""
+    out.mkdir()
+    command = [sys.executable, "-c", _BUILD.format(what), str(out)]
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (path,) = out.iterdir()
+    return path
+
+
+def listed(*options: str) -> frozenset[str]:
+    """Files that git lists, those deleted apart."""
+    done = subprocess.run(
+        ["git", "ls-files", "-z", *options],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    names = done.stdout.split("\0")
+    return frozenset(name for name in names if (ROOT / name).is_file())
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    folder = tmp_path_factory.mktemp("packaging")
+    if not (ROOT / ".git").exists() or shutil.which("git") is None:
+        pytest.skip("what belongs to the package is known from git, which is not here")
+    tracked = listed()
+    copied = tracked | listed("--others", "--exclude-standard")
+    source = folder / "source"
+    for name in copied:
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, source / name)
+    sdist = build("sdist", source, folder / "sdist")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder / "unpacked", filter="data")
+    (unpacked,) = (folder / "unpacked").iterdir()
+    return Built(
+        tracked,
+        copied,
+        build("wheel", source, folder / "wheel"),
+        sdist,
+        build("wheel", unpacked, folder / "again"),
+    )
+
+
+def names_in(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        return set(archive.namelist())
+
+
+def test_the_wheel_holds_every_file_of_the_packages(built: Built) -> None:
+    expected = {
+        name if name.startswith("physim_drake/") else f"physim_drake/{name}"
+        for name in built.copied
+        if name.split("/")[0] in PACKAGES
+    }
+    assert "physim_drake/py.typed" in expected
+    assert "physim_drake/models/apc11/library.yaml" in expected
+    found = names_in(built.wheel)
+    assert expected - found == set()
+    assert {n for n in found - expected if ".dist-info/" not in n} == set()
+
+
+def test_the_source_archive_holds_every_tracked_file(built: Built) -> None:
+    with tarfile.open(built.sdist) as archive:
+        found = {
+            member.name.partition("/")[2]
+            for member in archive.getmembers()
+            if member.isfile()
+        }
+    assert built.tracked - found - LEFT_OUT == set()
+    added = {n for n in found - built.copied if ".egg-info/" not in n}
+    assert added == {"PKG-INFO", "setup.cfg"}
+
+
+def test_the_source_archive_builds_the_same_wheel(built: Built) -> None:
+    assert names_in(built.wheel_of_sdist) == names_in(built.wheel)
+
+
+@pytest.fixture(scope="module")
+def environment(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new environment with the wheel; its dependencies are those of the tests."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, with_pip=False, symlinks=True)
+    pip = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python"]
+    offline = ["--quiet", "--no-deps", "--no-index", "--disable-pip-version-check"]
+    subprocess.run([*pip, "install", *offline, built.wheel], check=True)
+    (packages,) = (folder / "lib").glob("python*/site-packages")
+    # A .pth file in a folder that another one names is not read, so that the
+    # editable installation of the tests stays out of sight.
+    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return folder
+
+
+def run(environment: Path, *command: str, **variables: str) -> str:
+    """What a program of the environment prints; it must succeed."""
+    known = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(
+        [environment / "bin" / command[0], *command[1:]],
+        cwd=environment,
+        env=known | variables,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_installed_program_knows_its_commands(environment: Path) -> None:
+    text = run(environment, "physim-drake", "--help")
+    for name in ("estimate", "evaluate", "report", "explain", "doctor", "models"):
+        assert f" {name} " in text
+    assert run(environment, "physim-drake", "--version").split()[1] == __version__
+
+
+def test_the_installed_program_completes_its_commands(environment: Path) -> None:
+    answer = run(
+        environment,
+        "physim-drake",
+        _PHYSIM_DRAKE_COMPLETE="complete_bash",
+        COMP_WORDS="physim-drake ex",
+        COMP_CWORD="1",
+    )
+    assert answer.split() == ["explain"]
+
+
+def test_the_installed_package_finds_nothing_wrong(environment: Path) -> None:
+    report = json.loads(run(environment, "physim-drake", "doctor", "--json"))
+    assert report["ok"]
+    messages = {check["name"]: check["message"] for check in report["checks"]}
+    assert messages["models"].startswith("11 objects")
+    assert str(environment) in messages["compiled loops"]
+
+
+def test_the_installed_models_can_be_loaded(environment: Path) -> None:
+    program = """
+import physim_drake
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from physim_drake.models import APC11, PACKAGE_XML, SDA10F
+from physim_drake.objects import ObjectLibrary
+
+plant = MultibodyPlant(0.01)
+parser = Parser(plant)
+parser.package_map().AddPackageXml(PACKAGE_XML)
+parser.AddModels(SDA10F / "motoman_sda10f.urdf")
+for model in ObjectLibrary.load(APC11).values():
+    parser.AddModels(APC11 / model.name / f"{model.name}.sdf")
+plant.Finalize()
+print(plant.num_model_instances() - 2, physim_drake.__file__)
+"""
+    count, path = run(environment, "python", "-c", program).split()
+    assert count == "12"
+    assert Path(path).is_relative_to(environment)
+
+
+def test_the_citation_is_of_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert citation["version"] == project["version"] == __version__
+    assert citation["license"] == project["license"]
+    assert citation["authors"] == project["authors"]
+    (paper,) = citation["references"]
+    assert paper["title"] in " ".join((ROOT / "README.md").read_text().split())
