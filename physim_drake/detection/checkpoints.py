@@ -12,6 +12,7 @@ import torch
 from safetensors.torch import save
 from torch import Tensor, nn
 
+from physim_drake.detection.training_log import check_settings
 from physim_drake.detection.weights import read_safetensors
 from physim_drake.errors import InputError
 from physim_drake.files import write_atomically
@@ -90,14 +91,7 @@ class TrainingState:
             earlier = json.loads(metadata["settings"])
         except (KeyError, ValueError):
             raise InputError(path, "is no state of a training run", _REMEDY) from None
-        for key in sorted(set(settings) | set(earlier)):
-            if settings.get(key) != earlier.get(key):
-                raise InputError(
-                    path,
-                    f"is {earlier.get(key)}, now {settings.get(key)}",
-                    "resume with the settings of the earlier run",
-                    key,
-                )
+        check_settings(path, earlier, settings)
         try:
             self._restore(tensors)
         except (KeyError, RuntimeError) as error:

@@ -109,7 +109,9 @@ class DetectorTraining:
             InputError: where settings, files or data cannot be used.
             PhysimError: where a scene cannot be made.
         """
+        log = TrainingLog(self._out, self._settings())
         network = self._network()
+        log.write()  # so that a run which is cut off now knows what it was
         data = self._data()
         test = BopDataset(self._generate(test=True))
         images = self._pack(data)
@@ -118,7 +120,6 @@ class DetectorTraining:
         augmenter = Augmenter(
             images, labels, size, self._config.augmentation, self._config.training.seed
         )
-        log = TrainingLog(self._out, self._settings())
         cv2.setNumThreads(1)  # torch has the cores
         trainer = Trainer(
             network,

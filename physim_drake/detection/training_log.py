@@ -15,12 +15,38 @@ from physim_drake.files import write_atomically
 LOG_FILE, CURVES_FILE = "training.json", "training.png"
 
 
+def check_settings(path: Path, earlier: Any, settings: dict[str, Any]) -> None:
+    """Sees whether a run can go on.
+
+    Args:
+        path: the file with the settings of the earlier run.
+        earlier: those settings.
+        settings: and those of now.
+
+    Raises:
+        InputError: where they differ.
+    """
+    if not isinstance(earlier, dict):
+        raise InputError(path, "holds no settings of a run", "remove it")
+    for key in sorted(set(settings) | set(earlier)):
+        if settings.get(key) != earlier.get(key):
+            raise InputError(
+                path,
+                f"is {earlier.get(key)}, now {settings.get(key)}",
+                "resume with the settings of the earlier run",
+                key,
+            )
+
+
 class TrainingLog:
     """The record of a run in a folder.
 
     Args:
         folder: of the run; a log that is there is gone on with.
         settings: what the run depends on, plain values.
+
+    Raises:
+        InputError: where the log that is there is of a run with other settings.
 
     Attributes:
         settings: as given, as JSON gives them back.
@@ -38,6 +64,7 @@ class TrainingLog:
         path = folder / LOG_FILE
         if path.exists():
             earlier = read_json(path)
+            check_settings(path, earlier["settings"].value, self.settings)
             try:
                 self.losses = [dict(e) for e in earlier["losses"].value]
                 self.tests = [dict(e) for e in earlier["tests"].value]

@@ -136,7 +136,8 @@ def test_another_seed_gives_other_weights(unbroken: Run, tmp_path: Path):
 
 def test_the_state_of_another_run_is_refused(tmp_path: Path):
     Run(tmp_path / "run", replace(CONFIG, steps=3))()
-    with pytest.raises(InputError, match="steps: is 3, now 8"):
+    (tmp_path / "run" / "training.json").unlink()
+    with pytest.raises(InputError, match=r"state.safetensors: steps: is 3, now 8"):
         Run(tmp_path / "run")
 
 
@@ -149,9 +150,17 @@ def test_a_damaged_state_is_refused(tmp_path: Path, content: bytes):
 
 
 def test_a_log_that_is_none(tmp_path: Path):
-    (tmp_path / "training.json").write_text('{"losses": 3, "tests": []}')
+    (tmp_path / "training.json").write_text(
+        '{"settings": {}, "losses": 3, "tests": []}'
+    )
     with pytest.raises(InputError, match="is no log"):
         TrainingLog(tmp_path, {})
+
+
+def test_the_log_of_another_run_is_refused(tmp_path: Path):
+    TrainingLog(tmp_path, {"network": {"channels": 3}}).write()
+    with pytest.raises(InputError, match="resume with the settings of the earlier"):
+        TrainingLog(tmp_path, {"network": {"channels": 4}})
 
 
 def test_curves_are_drawn(unbroken: Run, tmp_path: Path):
