@@ -82,9 +82,7 @@ def cell_geometry(scenario: PickScenario, library: ObjectLibrary) -> PickCellGeo
     X_WA = _frame_pose(planner, scenario.pick_area)
     X_WT = _frame_pose(planner, scenario.tote)
     floor = np.array(scenario.tote.half_extents)
-    drops = np.column_stack(
-        [_DROPS * floor, np.full(len(_DROPS), scenario.task.release_height)]
-    )
+    drops = np.column_stack([_DROPS * floor, np.zeros(len(_DROPS))])
     middle = X_WA[:3, 3]
     views = tuple(
         look_at(middle + v.distance * X_WA[:3, :3] @ v.direction(), middle)
@@ -98,7 +96,7 @@ def cell_geometry(scenario: PickScenario, library: ObjectLibrary) -> PickCellGeo
         planner,
         X_WA,
         views,
-        Tote(X_WT, floor, transform_points(X_WT, drops)),
+        Tote(X_WT, floor, transform_points(X_WT, drops), scenario.task.release_height),
         PickConditions(cup=cup),
     )
 

@@ -212,8 +212,8 @@ class TaskConfig:
         seal_timeout: no seal if the level is not reached in this time, s.
         lost_level: of the vacuum sensor, below which the object is gone, 0..1.
         release_time: the vacuum gets this long to vanish over the tote, s.
-        release_height: of the object's lowest point above the tote's floor when it
-            is let go, m.
+        release_height: of an object's lowest point above the tote's floor when it is
+            let go, m; more where the tote is full.
     """
 
     period: float = 0.01
@@ -227,11 +227,11 @@ class TaskConfig:
     max_failures: int = 8
     empty_looks: int = 2
     estimate_timeout: float = 30.0
-    seal_level: float = 0.6
+    seal_level: float = 0.45
     seal_timeout: float = 0.5
-    lost_level: float = 0.4
+    lost_level: float = 0.2
     release_time: float = 0.3
-    release_height: float = 0.03
+    release_height: float = 0.08
 
     def __post_init__(self) -> None:
         for name in ("max_plans", "max_views", "tries", "max_failures", "empty_looks"):

@@ -21,7 +21,7 @@ from physim_drake.scenes.generation import (
     generate_scene,
 )
 
-_MAX_DRAWS = 50
+_MAX_DRAWS = 30
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,7 @@ def draw_start(
     """
     config = scene_config(scenario, episode)
     half = np.array(scenario.pick_area.half_extents)
+    _check_area(library, config, half, scenario.pick_area.frame)
     for draw in range(_MAX_DRAWS):
         seed = np.random.SeedSequence([scenario.random_seed, episode, draw])
         scene = generate_scene(library, config, seed, files)
@@ -95,6 +96,21 @@ def draw_start(
         "make the area larger, or ask for fewer or smaller objects",
         "half_extents",
     )
+
+
+def _check_area(
+    library: ObjectLibrary, config: SceneConfig, half: Array, name: str
+) -> None:
+    """Refuses an area that is smaller than too many objects, lying on any side."""
+    widest = 2 * float(half.max())
+    fits = [m for m in library.values() if np.sort(m.extents)[1] <= widest]
+    if len(fits) < config.min_objects:
+        raise InputError(
+            name,
+            f"{2 * half[0]:g} x {2 * half[1]:g} m is too small for the objects",
+            "make the area larger",
+            "half_extents",
+        )
 
 
 def _bounds(scene: GeneratedScene, library: ObjectLibrary) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from physim_drake.poses import Array, inverse, transform_points
 
 _PILE = 0.35  # m; what is let go lies no higher over the tote's floor
 _BELOW = 0.05  # m; nor lower
+_CLEARANCE = 0.03  # m, of what is carried from what lies there
 
 Fills = tuple[float, ...]
 """How high the tote is filled below each of its drops, m."""
@@ -25,12 +26,15 @@ class Tote:
     Attributes:
         X_WT: pose of its floor's middle, z up, (4, 4).
         half_extents: of the floor along its x and y, (2,), m.
-        drops: points above which objects are let go while it is empty, p_WD (N, 3), m.
+        drops: points of the floor above which objects are let go, p_WD (N, 3), m.
+        release_height: of an object's lowest point above the floor when it is let go,
+            m; more where the tote is full.
     """
 
     X_WT: Array
     half_extents: Array
     drops: Array
+    release_height: float = 0.08
 
     @property
     def empty(self) -> Fills:
@@ -44,14 +48,16 @@ class Tote:
         return bool(inside and -_BELOW < p_T[2] < _PILE)
 
     def drop_points(self, fills: Fills) -> list[tuple[int, Array]]:
-        """The drops, where the tote is least full first, at their height now.
+        """Where objects are let go now, above the least full places first.
+
+        What falls may roll, so that the height is that of the fullest place.
 
         Returns:
-            number and p_WD (3,) of each.
+            number of each drop, and the point p_WD (3,) over it.
         """
-        up = self.X_WT[:3, 2]
+        height = max(self.release_height, max(fills) + _CLEARANCE)
         order = np.argsort(fills, kind="stable")
-        return [(int(n), self.drops[n] + fills[n] * up) for n in order]
+        return [(int(n), self.drops[n] + height * self.X_WT[:3, 2]) for n in order]
 
     def filled(
         self, fills: Fills, drop: int, held: HeldObject, library: ObjectLibrary

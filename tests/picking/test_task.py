@@ -236,7 +236,7 @@ def test_a_cup_that_does_not_seal_is_tried_elsewhere_after_another_look() -> Non
     end = world.run()
     assert not world.table
     (text,) = texts(end, EventKind.NO_SEAL)
-    assert "the vacuum reached 0.00 of 0.60" in text
+    assert "the vacuum reached 0.00 of 0.45" in text
     picked = [s.pick for s in world.states if s.phase is Phase.SEAL and s.pick]
     first, second = picked[0].candidate, picked[-1].candidate
     assert count(end, EventKind.PICK) == 3

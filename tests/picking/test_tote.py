@@ -10,8 +10,8 @@ from physim_drake.picking.tote import Tote
 from physim_drake.poses import make_pose, transform_points
 from tests.synthetic import BALL, TISSUES, library
 
-DROPS = np.array([[2.0, 0.0, 0.8], [2.07, 0.0, 0.8], [1.8, 0.0, 0.8]])
-TOTE = Tote(make_pose(p=[2.0, 0.0, 0.75]), np.array([0.2, 0.15]), DROPS)
+DROPS = np.array([[2.0, 0.0, 0.75], [2.07, 0.0, 0.75], [1.8, 0.0, 0.75]])
+TOTE = Tote(make_pose(p=[2.0, 0.0, 0.75]), np.array([0.2, 0.15]), DROPS, 0.05)
 
 
 @pytest.mark.parametrize(
@@ -31,9 +31,14 @@ def test_only_what_is_over_its_floor_is_in_it(p_W: list[float], inside: bool) ->
 
 def test_it_is_filled_evenly() -> None:
     assert [n for n, _ in TOTE.drop_points(TOTE.empty)] == [0, 1, 2]
-    points = TOTE.drop_points((0.1, 0.0, 0.05))
-    assert [n for n, _ in points] == [1, 2, 0]
-    assert points[-1][1] == pytest.approx([2.0, 0.0, 0.9])
+    assert [n for n, _ in TOTE.drop_points((0.1, 0.0, 0.05))] == [1, 2, 0]
+
+
+def test_nothing_is_carried_lower_than_what_lies_there_reaches() -> None:
+    _, p_WD = TOTE.drop_points(TOTE.empty)[0]
+    assert p_WD == pytest.approx([2.0, 0.0, 0.80])
+    for _, p_WD in TOTE.drop_points((0.1, 0.0, 0.05)):
+        assert p_WD[2] == pytest.approx(0.75 + 0.1 + 0.03)
 
 
 def test_an_object_raises_the_drops_it_covers_by_its_height() -> None:
@@ -52,7 +57,7 @@ def test_an_object_raises_the_drops_it_covers_by_its_height() -> None:
 def test_what_is_carried_there_stays_above_what_is_in_it() -> None:
     held = HeldObject(BALL, make_pose(p=[0.0, 0.0, 0.04]))
     fills = TOTE.filled(TOTE.empty, 0, held, library())
-    _, p_WD = TOTE.drop_points((*fills[:1], 1.0, 1.0))[0]
+    _, p_WD = TOTE.drop_points(fills)[0]
     X_WG = drop_pose(library(), held, p_WD)
     points = transform_points(X_WG @ held.X_GO, library()[BALL].mesh.vertices)
     assert points[:, 2].min() >= DROPS[0, 2] + fills[0] - 1e-9
