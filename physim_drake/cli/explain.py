@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from physim_drake.cli.options import Quiet, surface_height
+
 
 def explain(
     dataset: Annotated[
@@ -70,6 +72,7 @@ def explain(
         typer.Option(metavar="N", min=1, help="Processes; by default one a core."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Show how the poses of one image are found, stage by stage, on one HTML page.
 
@@ -85,7 +88,6 @@ def explain(
 
     from physim_drake.batch import choose_images, detection_lookup
     from physim_drake.cli.estimate import default_workers
-    from physim_drake.cli.options import surface_height
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.errors import InputError
     from physim_drake.estimation import EstimationConfig
@@ -107,7 +109,7 @@ def explain(
     config = EstimationConfig(seed=seed, workers=workers or default_workers())
     config = config.with_budget(expansions, hypotheses)
     make_folder(out)
-    console = Console(stderr=True, highlight=False)
+    console = Console(stderr=True, highlight=False, quiet=quiet)
     with console.status("estimating, and watching how"):
         explanation = explain_image(
             data, chosen, look_up, source, library, config, height, wanted

@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Values of options that commands share."""
+"""Options that commands share, and what their values mean."""
 
 from __future__ import annotations
 
 import math
+from typing import Annotated
+
+import typer
 
 from physim_drake.errors import InputError
+
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress; results and errors only.")
+]
+"""Of commands that take long: `Console(stderr=True, quiet=quiet)` keeps to it."""
 
 
 def surface_height(text: str) -> float | None:
