@@ -193,7 +193,7 @@ def _memory() -> Check:
             "memory",
             Status.WARNING,
             found,
-            "close other programs, or use --workers 1: each worker takes half a GiB",
+            "close other programs, or use --workers 1: each worker takes 0.6 GiB",
         )
     return Check("memory", Status.OK, found)
 
