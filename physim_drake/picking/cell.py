@@ -96,8 +96,14 @@ def cell_geometry(scenario: PickScenario, library: ObjectLibrary) -> PickCellGeo
         planner,
         X_WA,
         views,
-        Tote(X_WT, floor, transform_points(X_WT, drops), scenario.task.release_height),
-        PickConditions(cup=cup),
+        Tote(
+            X_WT,
+            floor,
+            transform_points(X_WT, drops),
+            scenario.task.release_height,
+            scenario.task.carry_height,
+        ),
+        PickConditions(cup=cup, max_tilt=np.radians(scenario.task.max_tilt_deg)),
     )
 
 

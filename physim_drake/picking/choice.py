@@ -45,13 +45,15 @@ class Choice:
 
     Attributes:
         pick: the pick; None where there is none.
-        carry: its object's way to the tote.
+        carry: its object's way to over the tote.
+        lower: from there to where it is let go; None where it falls from there.
         drop: number of the tote's drop that it goes to.
         reasons: why what came before it was not chosen, by the objects' names.
     """
 
     pick: PickPlan | None
     carry: ArmTrajectory | None
+    lower: ArmTrajectory | None
     drop: int
     reasons: Mapping[str, str]
 
@@ -90,12 +92,12 @@ def choose(
         planned += 1
         try:
             pick = planner.plan_pick(q, candidate)
-            carry, drop = _plan_carry(planner, pick, library, tote, fills)
+            carry, lower, drop = _plan_place(planner, pick, library, tote, fills)
         except PlanFailure as failure:
             reasons.setdefault(candidate.name, str(failure))
             continue
-        return Choice(pick, carry, drop, reasons)
-    return Choice(None, None, 0, reasons)
+        return Choice(pick, carry, lower, drop, reasons)
+    return Choice(None, None, None, 0, reasons)
 
 
 def _failed_before(
@@ -107,19 +109,28 @@ def _failed_before(
     )
 
 
-def _plan_carry(
+def _plan_place(
     planner: MotionPlanner,
     pick: PickPlan,
     library: ObjectLibrary,
     tote: Tote,
     fills: Fills,
-) -> tuple[ArmTrajectory, int]:
+) -> tuple[ArmTrajectory, ArmTrajectory | None, int]:
+    """Carries the object over the walls first, then down as far as that can be."""
     failure: PlanFailure | None = None
-    for drop, p_WD in tote.drop_points(fills):
-        X_WG = drop_pose(library, pick.held, p_WD)
+    held = pick.held
+    for drop in tote.order(fills):
+        over, down = tote.over(drop), tote.release_point(drop, fills)
         try:
-            return planner.plan_place(pick.retreat.end, X_WG, pick.held), drop
+            X_WG = drop_pose(library, held, over)
+            carry = planner.plan_place(pick.retreat.end, X_WG, held)
         except PlanFailure as error:
             failure = failure or error
+            continue
+        try:
+            X_WG = drop_pose(library, held, down)
+            return carry, planner.plan_place(carry.end, X_WG, held), drop
+        except PlanFailure:
+            return carry, None, drop
     assert failure is not None
     raise failure

@@ -214,6 +214,8 @@ class TaskConfig:
         release_time: the vacuum gets this long to vanish over the tote, s.
         release_height: of an object's lowest point above the tote's floor when it is
             let go, m; more where the tote is full.
+        carry_height: and when it arrives over the tote, clear of the walls, m.
+        max_tilt_deg: of the cup's axis from the vertical when it comes down.
     """
 
     period: float = 0.01
@@ -231,7 +233,9 @@ class TaskConfig:
     seal_timeout: float = 0.5
     lost_level: float = 0.2
     release_time: float = 0.3
-    release_height: float = 0.08
+    release_height: float = 0.04
+    carry_height: float = 0.2
+    max_tilt_deg: float = 90.0
 
     def __post_init__(self) -> None:
         for name in ("max_plans", "max_views", "tries", "max_failures", "empty_looks"):

@@ -5,11 +5,11 @@ The task is a state machine on plain values. It is told the time, what the vacuu
 reads and what was estimated, and says where the arm is to go, whether the vacuum is on
 and how many looks are wanted. It never learns where objects truly are.
 
-    LOOK -> SETTLE -> ESTIMATE -> REACH -> APPROACH -> SEAL -> LIFT -> CARRY -> RELEASE
-     ^                   |                              |       |        |         |
-     +--- next view -----+                           no seal  dropped  dropped     |
-     +---------------------- RETREAT <------------------+-------+--------+         |
-     +-----------------------------------------------------------------------------+
+    LOOK - SETTLE - ESTIMATE - REACH - APPROACH - SEAL - LIFT - CARRY - LOWER - RELEASE
+     ^                 |                           |      |      |                |
+     +-- next view ----+                        no seal  lost   lost              |
+     +------------------- RETREAT <----------------+------+------+                |
+     +----------------------------------------------------------------------------+
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ class PickTask:
             Phase.APPROACH: self._seal_when_there,
             Phase.SEAL: self._lift_when_sealed,
             Phase.LIFT: self._carry_when_lifted,
-            Phase.CARRY: self._release_when_there,
+            Phase.CARRY: self._lower_when_there,
+            Phase.LOWER: self._release_when_there,
             Phase.RELEASE: self._look_when_released,
             Phase.RETREAT: self._look_when_clear,
         }
@@ -145,9 +146,14 @@ class PickTask:
             return state
         return state.enter(inputs.time, Phase.CARRY, state.carry)
 
-    def _release_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
+    def _lower_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
         if inputs.vacuum < self.config.lost_level:
             return self._dropped(state, inputs, "on the way to the tote")
+        if inputs.time < state.motion.end:
+            return state
+        return state.enter(inputs.time, Phase.LOWER, state.lower)
+
+    def _release_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
         if inputs.time < state.motion.end:
             return state
         off = replace(state, vacuum_on=False)
@@ -272,6 +278,7 @@ class PickTask:
             state,
             pick=pick,
             carry=choice.carry,
+            lower=choice.lower,
             drop=choice.drop,
             tries={**state.tries, candidate.object_id: tries},
             obstacles=without_object(known, candidate.index),

@@ -26,6 +26,7 @@ class Phase(StrEnum):
     SEAL = "seal"
     LIFT = "lift"
     CARRY = "carry"
+    LOWER = "lower"
     RELEASE = "release"
     RETREAT = "retreat"
     DONE = "done"
@@ -119,7 +120,8 @@ class TaskState:
         known: what is known of the scene since it was last touched.
         obstacles: what was known of it before, without what was picked since.
         pick: the pick being executed.
-        carry: the motion that takes its object to the tote.
+        carry: the motion that takes its object to over the tote.
+        lower: the motion from there to where it is let go, if there is one.
         drop: number of the tote's drop that it goes to.
         fills: how full the tote is thought to be.
         tries: executed picks by object id.
@@ -142,6 +144,7 @@ class TaskState:
     obstacles: SceneEstimate = NOTHING_KNOWN
     pick: PickPlan | None = None
     carry: ArmTrajectory | None = None
+    lower: ArmTrajectory | None = None
     drop: int = 0
     fills: Fills = ()
     tries: Mapping[int, int] = field(default_factory=dict)
@@ -196,6 +199,7 @@ class TaskState:
             self,
             pick=None,
             carry=None,
+            lower=None,
             known=None,
             views_of_scene=0,
             empty_looks=0,

@@ -29,12 +29,14 @@ class Tote:
         drops: points of the floor above which objects are let go, p_WD (N, 3), m.
         release_height: of an object's lowest point above the floor when it is let go,
             m; more where the tote is full.
+        carry_height: of an object's lowest point when it arrives over the tote, m.
     """
 
     X_WT: Array
     half_extents: Array
     drops: Array
-    release_height: float = 0.08
+    release_height: float = 0.04
+    carry_height: float = 0.2
 
     @property
     def empty(self) -> Fills:
@@ -47,17 +49,22 @@ class Tote:
         inside = (np.abs(p_T[:2]) <= self.half_extents).all()
         return bool(inside and -_BELOW < p_T[2] < _PILE)
 
-    def drop_points(self, fills: Fills) -> list[tuple[int, Array]]:
-        """Where objects are let go now, above the least full places first.
+    def order(self, fills: Fills) -> list[int]:
+        """The numbers of the drops, where the tote is least full first."""
+        return [int(n) for n in np.argsort(fills, kind="stable")]
+
+    def over(self, drop: int) -> Array:
+        """The point p_WD (3,) over a drop where a carried object clears the walls."""
+        return np.asarray(self.drops[drop] + self.carry_height * self.X_WT[:3, 2])
+
+    def release_point(self, drop: int, fills: Fills) -> Array:
+        """The point p_WD (3,) over a drop where an object is let go.
 
         What falls may roll, so that the height is that of the fullest place.
-
-        Returns:
-            number of each drop, and the point p_WD (3,) over it.
         """
         height = max(self.release_height, max(fills) + _CLEARANCE)
-        order = np.argsort(fills, kind="stable")
-        return [(int(n), self.drops[n] + height * self.X_WT[:3, 2]) for n in order]
+        height = min(height, self.carry_height)
+        return np.asarray(self.drops[drop] + height * self.X_WT[:3, 2])
 
     def filled(
         self, fills: Fills, drop: int, held: HeldObject, library: ObjectLibrary

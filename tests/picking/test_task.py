@@ -103,12 +103,13 @@ def test_phases_follow_each_other() -> None:
         if state.phase is not phases[-1]:
             phases.append(state.phase)
     first_pick = phases[phases.index(Phase.REACH) :]
-    assert first_pick[:6] == [
+    assert first_pick[:7] == [
         Phase.REACH,
         Phase.APPROACH,
         Phase.SEAL,
         Phase.LIFT,
         Phase.CARRY,
+        Phase.LOWER,
         Phase.RELEASE,
     ]
 

@@ -30,15 +30,22 @@ def test_only_what_is_over_its_floor_is_in_it(p_W: list[float], inside: bool) ->
 
 
 def test_it_is_filled_evenly() -> None:
-    assert [n for n, _ in TOTE.drop_points(TOTE.empty)] == [0, 1, 2]
-    assert [n for n, _ in TOTE.drop_points((0.1, 0.0, 0.05))] == [1, 2, 0]
+    assert TOTE.order(TOTE.empty) == [0, 1, 2]
+    assert TOTE.order((0.1, 0.0, 0.05)) == [1, 2, 0]
 
 
 def test_nothing_is_carried_lower_than_what_lies_there_reaches() -> None:
-    _, p_WD = TOTE.drop_points(TOTE.empty)[0]
-    assert p_WD == pytest.approx([2.0, 0.0, 0.80])
-    for _, p_WD in TOTE.drop_points((0.1, 0.0, 0.05)):
-        assert p_WD[2] == pytest.approx(0.75 + 0.1 + 0.03)
+    assert TOTE.release_point(0, TOTE.empty) == pytest.approx([2.0, 0.0, 0.80])
+    fills = (0.1, 0.0, 0.05)
+    for drop in range(3):
+        height = TOTE.release_point(drop, fills)[2] - 0.75
+        assert height == pytest.approx(0.1 + 0.03)
+
+
+def test_nothing_is_lowered_to_above_where_it_was_carried() -> None:
+    full = (1.0, 1.0, 1.0)
+    assert TOTE.release_point(0, full) == pytest.approx(TOTE.over(0))
+    assert TOTE.over(0)[2] == pytest.approx(0.75 + 0.2)
 
 
 def test_an_object_raises_the_drops_it_covers_by_its_height() -> None:
@@ -57,7 +64,7 @@ def test_an_object_raises_the_drops_it_covers_by_its_height() -> None:
 def test_what_is_carried_there_stays_above_what_is_in_it() -> None:
     held = HeldObject(BALL, make_pose(p=[0.0, 0.0, 0.04]))
     fills = TOTE.filled(TOTE.empty, 0, held, library())
-    _, p_WD = TOTE.drop_points(fills)[0]
+    p_WD = TOTE.release_point(0, fills)
     X_WG = drop_pose(library(), held, p_WD)
     points = transform_points(X_WG @ held.X_GO, library()[BALL].mesh.vertices)
     assert points[:, 2].min() >= DROPS[0, 2] + fills[0] - 1e-9
