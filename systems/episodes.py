@@ -79,13 +79,13 @@ class EpisodeRunner:
     def run(
         self,
         episode: int,
-        on_progress: Callable[[TaskState, float], None] = lambda _s, _t: None,
+        on_step: Callable[[PickCell, Context], None] = lambda _cell, _context: None,
     ) -> EpisodeResult:
         """Runs one episode; its number and the scenario decide everything in it.
 
         Args:
             episode: number, from 0.
-            on_progress: is told now and then what the task knows, and the time, s.
+            on_step: is shown the cell and its context every 0.1 s of simulated time.
 
         Raises:
             InputError: where no start of the episode can be drawn.
@@ -112,7 +112,7 @@ class EpisodeRunner:
             middle = self.geometry.X_WA[:3, 3]
             meshcat.SetCameraPose(middle + _VIEW_FROM, middle + _VIEW_OF)
             meshcat.StartRecording(set_visualizations_while_recording=True)
-        state = self._simulate(cell, judge, on_progress)
+        state = self._simulate(cell, judge, on_step)
         if meshcat is not None:
             meshcat.StopRecording()
             meshcat.PublishRecording()
@@ -131,7 +131,7 @@ class EpisodeRunner:
         self,
         cell: PickCell,
         judge: _Judge,
-        on_progress: Callable[[TaskState, float], None],
+        on_step: Callable[[PickCell, Context], None],
     ) -> TaskState:
         """Runs the task to its end; returns what it knows then."""
         simulator = Simulator(cell.diagram)
@@ -143,7 +143,7 @@ class EpisodeRunner:
             while judge.time < end:
                 simulator.AdvanceTo(judge.time + _STEP)
                 judge.take_down()
-                on_progress(judge.state, judge.time)
+                on_step(cell, context)
                 if judge.state.phase is Phase.DONE:
                     simulator.AdvanceTo(judge.time + _AFTERWARDS)
                     return judge.state

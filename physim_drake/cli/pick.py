@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pydrake.geometry import Meshcat
+    from pydrake.systems.framework import Context
     from rich.table import Table
 
     from physim_drake.picking.episode import EpisodeResult
     from physim_drake.systems.episodes import EpisodeRunner
+    from physim_drake.systems.pick_cell import PickCell
 
 
 def pick(
@@ -116,10 +118,19 @@ def pick(
 
 
 def _run(runner: EpisodeRunner, number: int, count: int) -> EpisodeResult:
-    """One episode, with a line about it on stderr."""
-    result = runner.run(number)
+    """One episode; how far it is, then a line about it, on stderr."""
+    from rich.console import Console
+
+    title = f"episode {number + 1} of {count}"
+    with Console(stderr=True).status(title) as status:
+
+        def show(cell: PickCell, context: Context) -> None:
+            phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
+            status.update(f"{title}: {context.get_time():.1f} s, {phase}")
+
+        result = runner.run(number, show)
     typer.echo(
-        f"episode {number + 1} of {count}: {result.cleared} of {len(result.objects)} "
+        f"{title}: {result.cleared} of {len(result.objects)} "
         f"objects cleared, {result.simulated:.0f} s simulated in {result.wall:.0f} s; "
         f"{result.end}",
         err=True,
