@@ -138,7 +138,7 @@ class PickCell:
         plant, config = self.plant, self._scenario.planner
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
-        parser.package_map().AddPackageXml(str(PACKAGE_XML))
+        parser.package_map().AddPackageXml(PACKAGE_XML)
         directives = ModelDirectives(directives=list(self._scenario.directives))
         try:
             ProcessModelDirectives(directives, parser)
@@ -150,7 +150,9 @@ class PickCell:
             plant.set_gravity_enabled(plant.GetModelInstanceByName(name), False)
         drive = self._scenario.drive
         gains = PdControllerGains(p=drive.stiffness, d=drive.damping)
-        robot = plant.GetJointByName(config.joints[0]).model_instance()
+        robot: ModelInstanceIndex = plant.GetJointByName(
+            config.joints[0]
+        ).model_instance()
         # Drake lists a model's actuators only after Finalize, when it is too late.
         for n in range(plant.num_actuators()):
             actuator = plant.get_joint_actuator(JointActuatorIndex(n))
@@ -165,7 +167,7 @@ class PickCell:
         a bellows' stroke.
         """
         plant = self.plant
-        lip = find_frame(plant, self._scenario.planner.tool_frame)
+        lip: Any = find_frame(plant, self._scenario.planner.tool_frame)
         cup = lip.body()
         for geometry in plant.GetCollisionGeometriesForBody(cup):
             scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)

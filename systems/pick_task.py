@@ -79,11 +79,11 @@ class PickTaskSystem(LeafSystem):
     ) -> None:
         LeafSystem.__init__(self)
         self._task, self._layout = task, layout
-        self._estimate = self.DeclareAbstractInputPort(
+        self._estimate: Any = self.DeclareAbstractInputPort(
             "scene_estimate", Value(Stamped())
         )
-        self._vacuum = self.DeclareVectorInputPort("vacuum", 1)
-        self._state = self.DeclareAbstractState(Value(task.begin(rest)))
+        self._vacuum: Any = self.DeclareVectorInputPort("vacuum", 1)
+        self._state: Any = self.DeclareAbstractState(Value(task.begin(rest)))
         ticket = self.abstract_state_ticket(self._state)
         self.DeclareVectorOutputPort(
             "desired_state",
@@ -98,10 +98,13 @@ class PickTaskSystem(LeafSystem):
         self.DeclareAbstractOutputPort(
             "task_state",
             lambda: Value(task.begin(rest)),
-            lambda context, output: output.set_value(self.task_state(context)),
+            self._show_task_state,
             prerequisites_of_calc={ticket},
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(task.config.period, 0.0, self._step)
+
+    def _show_task_state(self, context: Any, output: Any) -> None:
+        output.set_value(self.task_state(context))
 
     def task_state(self, context: Context) -> TaskState:
         """What the task knows in this system's own context."""
@@ -130,7 +133,7 @@ class PickTaskSystem(LeafSystem):
             context.get_time(), vacuum, seen.number, seen.value, seen.error
         )
 
-    def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
+    def _calc_desired_state(self, context: Context, output: Any) -> None:
         motion = self.task_state(context).motion
         output.SetFromVector(self._layout.state(*motion.reference(context.get_time())))
 

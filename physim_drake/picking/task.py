@@ -287,8 +287,9 @@ class PickTask:
         return noted.enter(time, Phase.REACH, pick.transfer, self.config.planning_time)
 
     def _not_sealed(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        assert state.pick is not None
-        candidate, time = state.pick.candidate, inputs.time
+        pick = state.pick
+        assert pick is not None
+        candidate, time = pick.candidate, inputs.time
         level, wanted = inputs.vacuum, self.config.seal_level
         text = (
             f"the cup does not seal on {candidate.name}: the vacuum reached "
@@ -301,9 +302,7 @@ class PickTask:
             failed_points={**state.failed_points, candidate.object_id: points},
         ).noted(time, EventKind.NO_SEAL, text, candidate.name)
         off = self._after_failed_pick(state, time)
-        return self._failed(off, time) or off.enter(
-            time, Phase.RETREAT, state.pick.retreat
-        )
+        return self._failed(off, time) or off.enter(time, Phase.RETREAT, pick.retreat)
 
     def _dropped(self, state: TaskState, inputs: TaskInputs, where: str) -> TaskState:
         assert state.pick is not None
