@@ -86,7 +86,7 @@ def test_ports() -> None:
 
 def test_it_is_stepped_with_its_period() -> None:
     diagram, _ = closed_loop()
-    state: TaskState = diagram.GetOutputPort("task_state").Eval(run(diagram, 6.0))
+    state: TaskState = diagram.GetOutputPort("task_state").Eval(run(diagram, 9.0))
     steps = np.array([event.time for event in state.log]) / CONFIG.period
     assert len(steps) > 3
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
