@@ -22,8 +22,8 @@ from physim_drake.picking.viewpoints import look_at
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 
 _DOWN = np.diag([1.0, -1.0, -1.0])
-_DROPS = np.array([[0.0, 0.0], [0.4, 0.0], [-0.4, 0.0], [0.0, 0.35], [0.0, -0.35]])
-"""Points of the tote, as shares of its half extents."""
+_DROPS = np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, 0.35], [0.0, -0.35], [0.0, 0.0]])
+"""Points of the tote, as shares of its half extents; the first ones far apart."""
 
 _REACH_HEIGHT = 0.10  # m above the pick area, where the arm must get to
 _CONE = 0.35  # rad; the reach need not be upright

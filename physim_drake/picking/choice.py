@@ -120,7 +120,7 @@ def _plan_place(
     failure: PlanFailure | None = None
     held = pick.held
     for drop in tote.order(fills):
-        over, down = tote.over(drop), tote.release_point(drop, fills)
+        over, down = tote.over(drop, fills), tote.release_point(drop, fills)
         try:
             X_WG = drop_pose(library, held, over)
             carry = planner.plan_place(pick.retreat.end, X_WG, held)

@@ -53,9 +53,10 @@ class Tote:
         """The numbers of the drops, where the tote is least full first."""
         return [int(n) for n in np.argsort(fills, kind="stable")]
 
-    def over(self, drop: int) -> Array:
-        """The point p_WD (3,) over a drop where a carried object clears the walls."""
-        return np.asarray(self.drops[drop] + self.carry_height * self.X_WT[:3, 2])
+    def over(self, drop: int, fills: Fills) -> Array:
+        """The point p_WD (3,) over a drop where a carried object clears everything."""
+        height = max(self.carry_height, max(fills) + _CLEARANCE)
+        return np.asarray(self.drops[drop] + height * self.X_WT[:3, 2])
 
     def release_point(self, drop: int, fills: Fills) -> Array:
         """The point p_WD (3,) over a drop where an object is let go.
@@ -63,7 +64,6 @@ class Tote:
         What falls may roll, so that the height is that of the fullest place.
         """
         height = max(self.release_height, max(fills) + _CLEARANCE)
-        height = min(height, self.carry_height)
         return np.asarray(self.drops[drop] + height * self.X_WT[:3, 2])
 
     def filled(

@@ -43,9 +43,9 @@ def test_nothing_is_carried_lower_than_what_lies_there_reaches() -> None:
 
 
 def test_nothing_is_lowered_to_above_where_it_was_carried() -> None:
-    full = (1.0, 1.0, 1.0)
-    assert TOTE.release_point(0, full) == pytest.approx(TOTE.over(0))
-    assert TOTE.over(0)[2] == pytest.approx(0.75 + 0.2)
+    assert TOTE.over(0, TOTE.empty)[2] == pytest.approx(0.75 + 0.2)
+    full = (0.5, 0.0, 0.0)
+    assert TOTE.release_point(1, full) == pytest.approx(TOTE.over(1, full))
 
 
 def test_an_object_raises_the_drops_it_covers_by_its_height() -> None:
