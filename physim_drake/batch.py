@@ -17,6 +17,7 @@ from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation import PoseEstimator
 from physim_drake.files import write_atomically
+from physim_drake.models import DETECTOR
 from physim_drake.observation import Detection, RgbdObservation
 
 DetectionLookup = Callable[[ImageId], Sequence[Detection]]
@@ -74,33 +75,49 @@ class ImageResult:
 
 
 def detection_lookup(
-    dataset: BopDataset, file: Path | None = None, masks: bool = False
+    dataset: BopDataset,
+    file: Path | None = None,
+    masks: bool = False,
+    weights: Path | None = None,
 ) -> tuple[DetectionLookup, str]:
     """Where the detections of a dataset's images come from.
 
     Args:
         dataset: the images.
-        file: detections in BOP's JSON format; the dataset's own `detections.json`
-            where it is None.
+        file: detections in BOP's JSON format; where it is None the dataset's own
+            `detections.json`, and where there is none the network that comes with the
+            package.
         masks: take the dataset's visible masks instead.
+        weights: or what the network with these weights detects.
 
     Returns:
         the look-up, and what to call its source.
 
     Raises:
-        InputError: where `file` and `masks` are given, or nothing is to be had.
+        InputError: where more than one source is given, or nothing is to be had.
     """
+    given = {"--detections": file, "--masks": masks or None, "--weights": weights}
+    named = [name for name, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise InputError(
+            named[0], f"given together with {named[1]}", "give one of the two"
+        )
     if masks:
-        if file is not None:
-            raise InputError(file, "given together with --masks", "give one of the two")
         return lambda image: dataset.masks(*image), "masks"
     own = dataset.root / "detections.json"
+    if weights is None and file is None and not own.exists() and DETECTOR.exists():
+        weights = DETECTOR
+    if weights is not None:
+        # Imported here, since torch takes its time.
+        from physim_drake.detection.lookup import network_lookup
+
+        return network_lookup(dataset, weights)
     if file is None and not own.exists():
         raise InputError(
             own,
             "does not exist, so where the objects are in the images is not known",
-            "give --detections FILE (boxes in BOP's JSON format), or --masks to use "
-            "the dataset's mask_visib",
+            "give --detections FILE (boxes in BOP's JSON format), --weights FILE of a "
+            "network that finds them, or --masks to use the dataset's mask_visib",
         )
     path = file or own
     detections = load_detections(path, dataset)

@@ -74,7 +74,7 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert (page.parent / link).exists(), link
 
 
-@pytest.mark.parametrize("name", ["estimate", "generate"])
+@pytest.mark.parametrize("name", ["estimate", "generate", "train", "detect"])
 def test_the_options_of_a_command_are_all_described(name: str) -> None:
     command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
     options = {

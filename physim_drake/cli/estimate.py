@@ -71,6 +71,13 @@ def estimate(
     masks: Annotated[
         bool, typer.Option("--masks", help="Use the dataset's mask_visib instead.")
     ] = False,
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Or what a network detects, with these weights of physim-drake train.",
+        ),
+    ] = None,
     targets: Annotated[
         Path | None,
         typer.Option(
@@ -159,7 +166,7 @@ def estimate(
     data = BopDataset(dataset, split, models)
     wanted = data.targets(targets)
     chosen = choose_images(wanted, images or ())
-    lookup, source = detection_lookup(data, detections, masks)
+    lookup, source = detection_lookup(data, detections, masks, weights)
     ids = {t.object_id for t in wanted if (t.scene_id, t.im_id) in set(chosen)}
     library = ObjectLibrary.load(data.models, ids)
     for folder in (overlays, trace):

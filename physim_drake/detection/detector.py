@@ -92,7 +92,7 @@ class NetworkDetector:
             raise InputError(
                 self.source,
                 f"are weights for other objects: {what}",
-                "give weights that were trained with these models",
+                "give weights that were trained with these models, or detections",
             )
 
     def detect(
