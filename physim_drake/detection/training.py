@@ -48,7 +48,7 @@ class TrainingConfig:
         bfloat16: whether products are done with 16 bits.
     """
 
-    steps: int = 7000
+    steps: int = 6000
     batch: int = 8
     learning_rate: float = 1e-3
     warmup: int = 300
