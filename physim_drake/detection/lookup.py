@@ -49,8 +49,8 @@ def network_lookup(
         found = detector.detect(observation.color, observation.depth)
         seen = {d.object_id for d in found}
         height, width = observation.depth.shape
-        # The support surface is looked for around boxes; with none, everywhere.
-        box = np.zeros(4) if seen else np.array([0.0, 0.0, width, height])
+        # The support surface is looked for around boxes: where something is seen.
+        box = found[0].box if found else np.array([0.0, 0.0, width, height])
         nothing = np.zeros((height, width), dtype=bool)
         unseen = [c.object_id for c in detector.classes if c.object_id not in seen]
         return [*found, *(Detection(i, box, 0.0, nothing) for i in unseen)]
