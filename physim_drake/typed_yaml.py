@@ -36,7 +36,8 @@ def load_typed_yaml(path: Path, schema: type[T], defaults: T | None = None) -> T
         path: the file.
         schema: a dataclass whose fields all have defaults; may be frozen, and may
             nest dataclasses, Drake's schemas, enumerations, tuples and mappings.
-        defaults: what the file need not say; ``schema()`` where it is None.
+        defaults: what the file need not say; ``schema()`` where it is None. A
+            mapping in the file replaces that of the schema, and adds to one given here.
 
     Raises:
         InputError: where the file cannot be read, holds a key that the schema has
@@ -70,7 +71,10 @@ def parse_typed_yaml(
         return start
     try:
         loaded = yaml_load_typed(
-            schema=_twin(schema), data=text, defaults=_editable(start)
+            schema=_twin(schema),
+            data=text,
+            defaults=_editable(start),
+            retain_map_defaults=defaults is not None,
         )
         return typing.cast(T, _final(loaded, schema))
     except NotImplementedError:

@@ -117,3 +117,14 @@ def test_what_cannot_be_used_is_named_with_its_file(
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.yaml: cannot be read"):
         load_typed_yaml(tmp_path / "none.yaml", Room)
+
+
+def test_a_mapping_replaces_the_schemas_and_adds_to_the_callers() -> None:
+    @dataclass(frozen=True)
+    class Lights:
+        watts: Mapping[str, float] = field(default_factory=lambda: {"desk": 5.0})
+
+    assert parse_typed_yaml("watts: {door: 7}", Lights).watts == {"door": 7.0}
+    assert parse_typed_yaml("watts: {}", Lights).watts == {}
+    both = parse_typed_yaml("watts: {door: 7}", Lights, Lights()).watts
+    assert both == {"desk": 5.0, "door": 7.0}
