@@ -7,7 +7,12 @@ import weakref
 from types import TracebackType
 from typing import Any
 
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatParams,
+    MeshcatVisualizer,
+    SceneGraph,
+)
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -247,7 +252,7 @@ def AddPerceptionDiagram(
     if not world.is_finalized():
         raise InputError("plant", "is not finalized", "call plant.Finalize() before")
     if meshcat is None and config.visualize:
-        meshcat = Meshcat()
+        meshcat = Meshcat(MeshcatParams(host="localhost"))
         MeshcatVisualizer.AddToBuilder(builder, graph, meshcat)
     perception: Any = PerceptionDiagram(
         world,
