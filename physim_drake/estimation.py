@@ -84,8 +84,8 @@ class EstimationConfig:
     min_segment_points: int = 30
     tie: float = 0.01
     promising: float = 0.1
-    rounds: int = 2
-    confirmed: float = 0.8
+    rounds: int = 3
+    confirmed: float = 0.93
 
     def with_budget(self, expansions: int, representatives: int) -> EstimationConfig:
         """The same with other sizes of the search and of the hypotheses' sets."""
