@@ -35,7 +35,7 @@ _STEP = 0.1  # s, between looks at how far the task is
 _AFTERWARDS = 1.0  # s, for what was let go last to come to rest
 # Meshcat looks over the table's far corner at arm and objects; m, from the pick area.
 _VIEW_FROM, _VIEW_OF = np.array([0.9, -0.8, 0.75]), np.array([-0.15, 0.1, 0.15])
-_PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place")
+_PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place", "plan_line")
 
 
 class EpisodeRunner:

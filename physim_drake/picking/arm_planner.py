@@ -221,6 +221,29 @@ class ArmPlanner:
         goal = PoseGoal(self.scene.tool_frame, X_WG_place, free_turn, cone)
         return self._plan_to_pose(q_now, goal, held, "carry", "the drop pose")
 
+    def plan_line(
+        self, q_now: Array, shift_W: Array, held: HeldObject | None = None
+    ) -> ArmTrajectory:
+        """Moves the cup along a straight line, without turning it.
+
+        Args:
+            q_now: where the arm is, (n,).
+            shift_W: how far it goes, (3,), m.
+            held: the object at the cup.
+
+        Raises:
+            PlanFailure: where the arm cannot follow the line, or would touch something.
+        """
+        scene = self.scene
+        scene.hold(held)
+        scene.keep_distances(start=q_now)
+        path = straight_line(scene, scene.tool_frame, q_now, shift_W, "line")
+        pace = self._pace(held is not None, self.config.line_speed)
+        line = line_trajectory(scene, path, pace)
+        if line is None:
+            raise PlanFailure("line", "the straight line could not be timed")
+        return line
+
     def plan_look(
         self,
         q_now: Array,

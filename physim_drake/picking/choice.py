@@ -18,6 +18,7 @@ from physim_drake.picking.tote import Fills, Tote
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array
 
+_DETOUR = 3.0  # s; a longer way to the tote is not the direct one
 _SAME_POINT = 0.012  # m; a point nearer to one that did not seal is not tried again
 
 
@@ -36,7 +37,12 @@ class MotionPlanner(Protocol):
     def plan_place(
         self, q_now: Array, X_WG_place: Array, held: HeldObject
     ) -> ArmTrajectory:
-        """Carries the held object to where it is let go."""
+        """Carries the held object to a pose of the cup."""
+
+    def plan_line(
+        self, q_now: Array, shift_W: Array, held: HeldObject | None
+    ) -> ArmTrajectory:
+        """Moves the cup along a straight line."""
 
 
 @dataclass(frozen=True)
@@ -116,21 +122,28 @@ def _plan_place(
     tote: Tote,
     fills: Fills,
 ) -> tuple[ArmTrajectory, ArmTrajectory | None, int]:
-    """Carries the object over the walls first, then down as far as that can be."""
+    """Carries the object over the walls first, then down as far as that can be.
+
+    A long way is one with a detour; then another place in the tote may be better.
+    """
     failure: PlanFailure | None = None
-    held = pick.held
+    ways: list[tuple[ArmTrajectory, int]] = []
     for drop in tote.order(fills):
-        over, down = tote.over(drop, fills), tote.release_point(drop, fills)
+        X_WG = drop_pose(library, pick.held, tote.over(drop, fills))
         try:
-            X_WG = drop_pose(library, held, over)
-            carry = planner.plan_place(pick.retreat.end, X_WG, held)
+            carry = planner.plan_place(pick.retreat.end, X_WG, pick.held)
         except PlanFailure as error:
             failure = failure or error
             continue
-        try:
-            X_WG = drop_pose(library, held, down)
-            return carry, planner.plan_place(carry.end, X_WG, held), drop
-        except PlanFailure:
-            return carry, None, drop
-    assert failure is not None
-    raise failure
+        ways.append((carry, drop))
+        if carry.duration < _DETOUR:
+            break
+    if not ways:
+        assert failure is not None
+        raise failure
+    carry, drop = min(ways, key=lambda way: way[0].duration)
+    down = tote.release_point(drop, fills) - tote.over(drop, fills)
+    try:
+        return carry, planner.plan_line(carry.end, down, pick.held), drop
+    except PlanFailure:
+        return carry, None, drop

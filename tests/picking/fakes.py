@@ -69,6 +69,11 @@ class FakePlanner:
     ) -> ArmTrajectory:
         return motion(q_now, np.array([3.0]))
 
+    def plan_line(
+        self, q_now: Array, shift_W: Array, held: HeldObject | None
+    ) -> ArmTrajectory:
+        return motion(q_now, q_now + 0.1)
+
 
 @dataclass(frozen=True)
 class EachOnce:

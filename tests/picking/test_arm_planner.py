@@ -306,6 +306,22 @@ def test_the_way_to_the_drop_pose_is_free_for_what_is_held(
     assert empty.duration < carry.duration
 
 
+def test_a_straight_line_is_straight_and_turns_nothing(planner: ArmPlanner) -> None:
+    q = planner.solve_ik(over_table(0.6, 0.2, 0.3), planner.home)
+    shift = np.array([0.02, 0.03, -0.15])
+    line = planner.plan_line(q, shift)
+    X_start = planner.scene.tool_pose(q)
+    for t in np.linspace(0.0, line.duration, 20):
+        X = planner.scene.tool_pose(line.value(float(t)))
+        np.testing.assert_allclose(X[:3, :3], X_start[:3, :3], atol=2e-3)
+        off = np.cross(X[:3, 3] - X_start[:3, 3], shift / np.linalg.norm(shift))
+        assert np.linalg.norm(off) < 1e-3
+    np.testing.assert_allclose(X[:3, 3], X_start[:3, 3] + shift, atol=1e-5)
+    assert_within_limits(line)
+    with pytest.raises(PlanFailure, match=r"line: .* too near are"):
+        planner.plan_line(q, np.array([0.0, 0.0, -0.4]))
+
+
 def test_the_arm_leaves_an_object_that_it_still_touches(planner: ArmPlanner) -> None:
     objects = pile()
     plan = planned(planner, objects, 2)

@@ -119,7 +119,7 @@ def test_the_reference_never_jumps() -> None:
     world.run()
     times = 0.05 * np.arange(len(world.states))
     q = [s.motion.reference(t)[0][0] for s, t in zip(world.states, times, strict=True)]
-    assert np.abs(np.diff(q)).max() < 3.05 * 0.05  # the fastest goes 3 rad/s
+    assert np.abs(np.diff(q)).max() < 3.2 * 0.05  # the fastest goes 3.15 rad/s
 
 
 def test_the_arm_waits_while_it_plans() -> None:
