@@ -52,10 +52,26 @@ class DistanceField:
             Signed distances (N,), m, and gradients (N, 3), which point away from the
             surface; outside the grid both continue linearly from its border.
         """
-        points = np.ascontiguousarray(p_O, dtype=float)
+        return self.query_posed(np.eye(4), p_O)
+
+    def query_posed(self, X_SO: Array, p_S: Array) -> tuple[Array, Array]:
+        """Looks up points (N, 3) in a frame S in which the object is at X_SO (4, 4).
+
+        Returns:
+            Signed distances (N,), m, and gradients (N, 3) in S.
+        """
+        points = np.ascontiguousarray(p_S, dtype=float)
         distances = np.empty(len(points))
         gradients = np.empty((len(points), 3))
-        _query(self.values, self.origin, 1 / self.spacing, points, distances, gradients)
+        _query(
+            self.values,
+            self.origin,
+            1 / self.spacing,
+            np.ascontiguousarray(X_SO, dtype=float),
+            points,
+            distances,
+            gradients,
+        )
         return distances, gradients
 
 
@@ -139,7 +155,7 @@ def _flood_outside(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(labels == labels[0, 0, 0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def interpolate(
     values: Grid, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
@@ -162,7 +178,7 @@ def interpolate(
     return d, gx, gy, gz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def lookup(
     values: Grid, origin: Array, inverse_spacing: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
@@ -185,23 +201,51 @@ def lookup(
     return d, gx, gy, gz
 
 
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def lookup_posed(
+    values: Grid,
+    origin: Array,
+    inverse_spacing: float,
+    X: Array,
+    px: float,
+    py: float,
+    pz: float,
+) -> tuple[float, float, float, float]:
+    """Distance of p_S to the object at X_SO and its gradient in S."""
+    dx, dy, dz = px - X[0, 3], py - X[1, 3], pz - X[2, 3]
+    d, x, y, z = lookup(
+        values,
+        origin,
+        inverse_spacing,
+        X[0, 0] * dx + X[1, 0] * dy + X[2, 0] * dz,
+        X[0, 1] * dx + X[1, 1] * dy + X[2, 1] * dz,
+        X[0, 2] * dx + X[1, 2] * dy + X[2, 2] * dz,
+    )
+    return (
+        d,
+        X[0, 0] * x + X[0, 1] * y + X[0, 2] * z,
+        X[1, 0] * x + X[1, 1] * y + X[1, 2] * z,
+        X[2, 0] * x + X[2, 1] * y + X[2, 2] * z,
+    )
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _query(
     values: Grid,
     origin: Array,
     inverse_spacing: float,
+    X_SO: Array,
     points: Array,
     distances: Array,
     gradients: Array,
 ) -> None:
     for n in range(len(points)):
-        d, gx, gy, gz = lookup(
+        distances[n], gradients[n, 0], gradients[n, 1], gradients[n, 2] = lookup_posed(
             values,
             origin,
             inverse_spacing,
+            X_SO,
             points[n, 0],
             points[n, 1],
             points[n, 2],
         )
-        distances[n] = d
-        gradients[n, 0], gradients[n, 1], gradients[n, 2] = gx, gy, gz

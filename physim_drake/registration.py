@@ -235,11 +235,8 @@ def _linearise(
 ) -> None:
     """Distances of points, by how much they count, and how the pose changes them."""
     for n in range(len(points)):
-        dx, dy, dz = (
-            points[n, 0] - X[0, 3],
-            points[n, 1] - X[1, 3],
-            points[n, 2] - X[2, 3],
-        )
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        dx, dy, dz = x - X[0, 3], y - X[1, 3], z - X[2, 3]
         d, ox, oy, oz = lookup(
             values,
             origin,
@@ -254,11 +251,7 @@ def _linearise(
         length = math.sqrt(gx * gx + gy * gy + gz * gz) + 1e-9
         cosine = gx * normals[n, 0] + gy * normals[n, 1] + gz * normals[n, 2]
         magnitude[n] = abs(d) if cosine > cos_normal * length else abs(d) + cutoff
-        x, y, z = (
-            points[n, 0] - centre[0],
-            points[n, 1] - centre[1],
-            points[n, 2] - centre[2],
-        )
+        x, y, z = x - centre[0], y - centre[1], z - centre[2]
         rows[n, 0] = y * gz - z * gy
         rows[n, 1] = z * gx - x * gz
         rows[n, 2] = x * gy - y * gx

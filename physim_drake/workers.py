@@ -28,7 +28,7 @@ from physim_drake.hypotheses.generation import (
 )
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
-from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.rendering.raster import DepthRasterizer
 from physim_drake.scene import Scene
 from physim_drake.search.expansion import Rollout, RolloutResult, SceneExpander
 from physim_drake.search.refinement import JointRefiner, RefinementConfig
@@ -54,16 +54,17 @@ class Worker:
 
     def __init__(self, library: ObjectLibrary, config: WorkerConfig) -> None:
         self._library, self._config = library, config
-        self._renderer: DepthRenderer | None = None
         self._expander: SceneExpander | None = None
+        self._joint_refiner: JointRefiner | None = None
 
     def set_scene(self, scene: Scene) -> None:
         """Makes `scene` the one that the other calls are about."""
-        # One is kept, for the camera seen last: each holds all models' meshes.
-        if self._renderer is None or self._renderer.intrinsics != scene.intrinsics:
-            self._renderer = DepthRenderer(self._library, scene.intrinsics)
+        renderer = DepthRasterizer(self._library, scene.intrinsics)
         self._expander = SceneExpander(
-            scene, self._library, self._renderer, self._config.expansion
+            scene, self._library, renderer, self._config.expansion
+        )
+        self._joint_refiner = JointRefiner(
+            self._expander.renderer, self._expander.models, self._config.refinement
         )
 
     @property
@@ -111,8 +112,8 @@ class Worker:
         return self.expander.renderer.confidences(placed)
 
     def _refiner(self) -> JointRefiner:
-        expander = self.expander
-        return JointRefiner(expander.renderer, expander.models, self._config.refinement)
+        assert self._joint_refiner is not None, "set_scene comes first"
+        return self._joint_refiner
 
 
 class WorkerPool:

@@ -8,9 +8,10 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from physim_drake.distance_field import DistanceField, build_distance_field
-from physim_drake.poses import Array
+from physim_drake.poses import Array, make_pose, transform_points
 
 RADIUS = 0.05
 HALF = np.array([0.02, 0.03, 0.045])
@@ -83,6 +84,21 @@ def test_near_the_grid_distances_are_never_far_off(seed: int) -> None:
     # Beyond the grid they are at most the way over its border.
     assert (distances > true - 2.5e-3).all()
     assert (distances < 1.2 * np.maximum(true, 0) + 2.5e-3).all()
+
+
+@given(seeds)
+def test_a_posed_object_is_looked_up_where_it_is(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    X_SO = make_pose(
+        Rotation.random(rng=generator).as_matrix(), generator.normal(size=3)
+    )
+    p_O = cloud(seed, 0.08)
+    d, g = box_field().query(p_O)
+    posed_d, posed_g = box_field().query_posed(X_SO, transform_points(X_SO, p_O))
+    np.testing.assert_allclose(posed_d, d, atol=1e-6)
+    # Gradients jump from cell to cell.
+    same = np.isclose(posed_g, g @ X_SO[:3, :3].T, atol=1e-6).all(axis=1)
+    assert same.mean() > 0.98
 
 
 def test_far_outside_the_distance_goes_on_growing() -> None:

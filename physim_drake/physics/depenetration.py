@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from physim_drake.objects import ObjectModel
-from physim_drake.poses import Array, inverse, transform_points
+from physim_drake.poses import Array, transform_points
 from physim_drake.registration_model import registration_model
 
 _ITERATIONS = 6
@@ -45,13 +45,13 @@ def depenetrate(
             theirs = registration_model(other)
             if np.linalg.norm(X_SP[:3, 3] - X[:3, 3]) > model.diameter + other.diameter:
                 continue
-            d, g = theirs.distance_field.query(transform_points(inverse(X_SP), points))
+            d, g = theirs.distance_field.query_posed(X_SP, points)
             depths.append(np.maximum(-d, 0.0))
-            directions.append(g @ X_SP[:3, :3].T)
-            back = transform_points(inverse(X) @ X_SP, theirs.points)
-            d, g = own.distance_field.query(back)
+            directions.append(g)
+            back = transform_points(X_SP, theirs.points)
+            d, g = own.distance_field.query_posed(X, back)
             depths.append(np.maximum(-d, 0.0))
-            directions.append(-g @ X[:3, :3].T)
+            directions.append(-g)
         depth, direction = np.concatenate(depths), np.concatenate(directions)
         if depth.max() < _TOLERANCE:
             break

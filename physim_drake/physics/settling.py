@@ -48,7 +48,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.objects import ObjectModel
-from physim_drake.poses import Array
+from physim_drake.poses import Array, rotation_angle
 
 _PARKED = RigidTransform([0.0, 0.0, -50.0])
 
@@ -65,11 +65,12 @@ class SettleConfig:
     Attributes:
         time_step: of the discrete solver, s.
         max_time: settling ends after this much simulated time, s.
-        rest_speed: an object slower than this (m/s, and rad/s times its radius)
-            for `rest_steps` steps is at rest.
+        rest_speed: an object is at rest when it has got on no faster than this over
+            `rest_steps` steps, m/s, or rad/s times its radius. What counts is where it
+            is, not its speed at the moment: a body that rests may chatter.
         rest_steps: see above.
         lost_distance: an object that moves farther than this from where it began
-            has left the scene, m.
+            has lost its hold, and is not followed any farther, m.
         gravity: m/s^2.
         hydroelastic_modulus: of the free object, Pa.
         dissipation: Hunt-Crossley, s/m; bodies part no faster than its inverse, so
@@ -82,7 +83,7 @@ class SettleConfig:
     time_step: float = 0.01
     max_time: float = 0.8
     rest_speed: float = 0.01
-    rest_steps: int = 3
+    rest_steps: int = 4
     lost_distance: float = 0.3
     gravity: float = 9.81
     hydroelastic_modulus: float = 1e6
@@ -97,7 +98,7 @@ class Settled:
     Attributes:
         X_SO: its pose, (4, 4).
         at_rest: whether it stopped within the time limit.
-        lost: whether it left the scene, or the solver gave up; worthless then.
+        lost: whether it lost its hold, or the solver gave up; worthless then.
         time: simulated time, s.
     """
 
@@ -177,8 +178,7 @@ class Settler:
             at_rest, lost = self._advance(X_SO[:3, 3])
         except RuntimeError:  # the contact solver did not converge
             return Settled(X_SO, at_rest=False, lost=True, time=self._root.get_time())
-        pose = self._plant.EvalBodyPoseInWorld(self._context, self._body)
-        return Settled(pose.GetAsMatrix4(), at_rest, lost, self._root.get_time())
+        return Settled(self._pose(), at_rest, lost, self._root.get_time())
 
     def _advance(self, start: Array) -> tuple[bool, bool]:
         """Steps until the body rests or is lost; says which, or neither in time.
@@ -188,24 +188,27 @@ class Settler:
         """
         config = self._config
         self._simulator.Initialize()
-        quiet = 0
-        for step in range(1, math.ceil(config.max_time / config.time_step) + 1):
-            self._simulator.AdvanceTo(step * config.time_step)
-            velocity = self._plant.EvalBodySpatialVelocityInWorld(
-                self._context, self._body
-            )
-            speed = max(
-                float(np.linalg.norm(velocity.translational())),
-                float(np.linalg.norm(velocity.rotational())) * self._radius,
-            )
-            quiet = quiet + 1 if speed < config.rest_speed else 0
-            if quiet >= config.rest_steps:
-                return True, False
-            pose = self._plant.EvalBodyPoseInWorld(self._context, self._body)
+        duration = config.rest_steps * config.time_step
+        last = self._pose()
+        for n in range(1, math.ceil(config.max_time / duration) + 1):
+            self._simulator.AdvanceTo(min(n * duration, config.max_time))
+            pose = self._pose()
             # Written so that a pose that is not finite counts as lost.
-            if not np.linalg.norm(pose.translation() - start) <= config.lost_distance:
+            if not math.dist(pose[:3, 3], start) <= config.lost_distance:
                 return False, True
+            if self._travel(last, pose) < config.rest_speed * duration:
+                return True, False
+            last = pose
         return False, False
+
+    def _pose(self) -> Array:
+        pose = self._plant.EvalBodyPoseInWorld(self._context, self._body)
+        return np.asarray(pose.GetAsMatrix4())
+
+    def _travel(self, X: Array, Y: Array) -> float:
+        """How far apart two poses are: the farther of shift and turn on the rim, m."""
+        turn = float(rotation_angle(X[:3, :3].T @ Y[:3, :3]))
+        return max(math.dist(X[:3, 3], Y[:3, 3]), turn * self._radius)
 
 
 def _add_body(plant: MultibodyPlant, name: str, model: ObjectModel) -> RigidBody:

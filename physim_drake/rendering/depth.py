@@ -34,6 +34,7 @@ from pydrake.systems.sensors import CameraInfo
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array, inverse
+from physim_drake.rendering.windows import DepthWindow, crop
 
 _NEAR, _FAR = 0.05, 8.0
 _SPACING = 25.0
@@ -103,6 +104,10 @@ class DepthRenderer:
         depth = np.array(image.data[:, :, 0])
         depth[~np.isfinite(depth)] = 0.0
         return depth
+
+    def window(self, object_id: int, X_CO: Array) -> DepthWindow:
+        """The part of `render`'s image that the object is in."""
+        return crop(self.render(object_id, X_CO))
 
 
 def _depth_camera(intrinsics: CameraIntrinsics) -> DepthRenderCamera:

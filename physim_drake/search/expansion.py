@@ -15,16 +15,15 @@ import numpy as np
 from physim_drake.objects import ObjectModel
 from physim_drake.physics.depenetration import depenetrate
 from physim_drake.physics.settling import Settler
-from physim_drake.poses import Array, inverse, rotation_angle, transform_points
+from physim_drake.poses import Array, rotation_angle
 from physim_drake.registration import trimmed_icp
 from physim_drake.registration_model import lookalike_turns, registration_model
-from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.rendering.windows import ObjectRenderer
 from physim_drake.scene import Scene
 from physim_drake.search.states import (
     ExpansionConfig,
     Placement,
     StateRenderer,
-    composite,
 )
 
 
@@ -68,7 +67,7 @@ class SceneExpander:
         self,
         scene: Scene,
         models: Mapping[int, ObjectModel],
-        renderer: DepthRenderer,
+        renderer: ObjectRenderer,
         config: ExpansionConfig = ExpansionConfig(),  # noqa: B008 (frozen)
     ) -> None:
         self.scene = scene
@@ -148,7 +147,7 @@ class SceneExpander:
         left = np.ones(len(points), dtype=bool)
         for k, X_SO in placed.items():
             field = registration_model(self.models[k]).distance_field
-            distances, _ = field.query(transform_points(inverse(X_SO), points))
+            distances, _ = field.query_posed(X_SO, points)
             left &= np.abs(distances) > self._config.resegment_distance
         if left.sum() < self._config.min_points:
             return points, normals
@@ -163,12 +162,7 @@ class SceneExpander:
         if moved < 0.002 and turned < 0.02:
             return settled
         parent = self.renderer.image(placed)
-        base = self.renderer.score(parent)
-        gains = [
-            self.renderer.score(composite(parent, self.renderer.object_image(index, X)))
-            - base
-            for X in (freed, settled)
-        ]
+        gains = [self.renderer.gain(parent, index, X) for X in (freed, settled)]
         keep = gains[1] >= gains[0] - self._config.settle_loss * abs(gains[0])
         return settled if keep else freed
 

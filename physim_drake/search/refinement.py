@@ -14,12 +14,19 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
+from physim_drake.camera import DepthImage
 from physim_drake.objects import ObjectModel
 from physim_drake.observation import Mask
 from physim_drake.poses import Array, exp_pose, inverse, transform_points
 from physim_drake.registration_model import registration_model
+from physim_drake.search.normal_equations import NormalEquations, geman_mcclure
 from physim_drake.search.states import Placement, StateRenderer
+
+_DAMPING = 1e-2
+_MARGIN = 40  # pixels; what is farther off than this pulls at nothing
 
 
 @dataclass(frozen=True)
@@ -54,22 +61,6 @@ class RefinementConfig:
     contact_gap: float = 0.002
 
 
-class _NormalEquations:
-    """Accumulates J^T W J and J^T W r over 6 unknowns an object: turn, then shift."""
-
-    def __init__(self, count: int) -> None:
-        self.A = np.zeros((6 * count, 6 * count))
-        self.b = np.zeros(6 * count)
-
-    def add(self, blocks: Mapping[int, Array], residual: Array, weight: Array) -> None:
-        """Adds rows: `blocks` holds each object's (N, 6) part of the Jacobian."""
-        for i, J in blocks.items():
-            weighted = J * weight[:, None]
-            self.b[6 * i : 6 * i + 6] += weighted.T @ residual
-            for j, K in blocks.items():
-                self.A[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] += weighted.T @ K
-
-
 class JointRefiner:
     """Refines states of one scene.
 
@@ -86,9 +77,8 @@ class JointRefiner:
         config: RefinementConfig = RefinementConfig(),
     ) -> None:
         self._renderer, self._models, self.config = renderer, models, config
-        scene = renderer.scene
-        self._X_SC = inverse(scene.X_CS)
-        self._points_C = scene.intrinsics.unproject(scene.observed)
+        self._X_SC = inverse(renderer.scene.X_CS)
+        self._masks: dict[tuple[int, ...], Mask] = {}
 
     def refine(self, placed: Placement) -> dict[int, Array]:
         """Refines the poses of all placed objects together.
@@ -107,13 +97,13 @@ class JointRefiner:
         for iteration in range(self.config.iterations):
             if iteration % self.config.redraw == 0:
                 silhouettes = self._silhouettes(poses)
-            equations = _NormalEquations(len(indices))
-            self._add_points(equations, indices, poses, points)
-            self._add_silhouettes(equations, indices, poses, silhouettes)
-            self._add_bodies(equations, indices, poses, contacts)
-            step = _damped_solve(equations).reshape(-1, 6)
-            for n, k in enumerate(indices):
-                D = exp_pose(step[n])
+            origins = np.stack([poses[k][:3, 3] for k in indices])
+            equations = NormalEquations(origins)
+            self._add_points(equations, poses, points)
+            self._add_silhouettes(equations, poses, silhouettes)
+            self._add_bodies(equations, poses, contacts)
+            for k, step in zip(indices, equations.solve(_DAMPING), strict=True):
+                D = exp_pose(step)
                 poses[k][:3, :3] = D[:3, :3] @ poses[k][:3, :3]
                 poses[k][:3, 3] += D[:3, 3]
         return poses
@@ -126,39 +116,36 @@ class JointRefiner:
         """
         scene = self._renderer.scene
         image = self._renderer.image(placed)
-        drawn = (image > 0) & (scene.depth > 0)
-        error = np.abs(image - scene.depth)[drawn] / self.config.cutoff
-        missed = self._mask(list(placed)) & (scene.observed > 0) & (image == 0)
-        return float(np.minimum(error, 1.0).sum() + np.count_nonzero(missed))
+        mask = self._mask(tuple(placed))
+        return float(_fine_cost(image, scene.depth, mask, self.config.cutoff))
 
-    def _mask(self, indices: Sequence[int]) -> Mask:
-        masks = [self._renderer.scene.segments[k].mask for k in indices]
-        return np.asarray(np.logical_or.reduce(masks))
+    def _mask(self, indices: tuple[int, ...]) -> Mask:
+        """Pixels of the foreground in the segments of some objects."""
+        if indices not in self._masks:
+            scene = self._renderer.scene
+            masks = [scene.segments[k].mask for k in indices]
+            self._masks[indices] = np.logical_or.reduce(masks) & (scene.observed > 0)
+        return self._masks[indices]
 
     def _observed_points(self, indices: Sequence[int]) -> Array:
         """Observed foreground points p_S (N, 3) of the objects' segments."""
-        mask = self._mask(indices) & (self._renderer.scene.observed > 0)
-        points = self._points_C[mask]
+        v, u = np.nonzero(self._mask(tuple(indices)))
         limit = self.config.points * len(indices)
-        if len(points) > limit:
-            points = points[:: -(-len(points) // limit)]
-        return transform_points(self._X_SC, points)
+        step = max(1, -(-len(v) // limit))
+        v, u = v[::step], u[::step]
+        z = self._renderer.scene.observed[v, u].astype(float)
+        return self._unprojected(np.stack([u, v], axis=1), z)
 
     def _add_points(
-        self,
-        equations: _NormalEquations,
-        indices: Sequence[int],
-        poses: Placement,
-        points: Array,
+        self, equations: NormalEquations, poses: Placement, points: Array
     ) -> None:
-        found = [_surface_distance(self._models[k], poses[k], points) for k in indices]
-        nearest = np.abs(np.stack([d for d, _ in found])).argmin(axis=0)
-        for n, k in enumerate(indices):
-            d, g = found[n]
-            use = (nearest == n) & (np.abs(d) < self.config.gate)
-            weight = _geman_mcclure(d[use], self.config.scale)
-            J = _jacobian(points[use], g[use], poses[k])
-            equations.add({n: J}, d[use], weight)
+        found = [
+            _surface_distance(self._models[k], X, points) for k, X in poses.items()
+        ]
+        distances, gradients = (np.stack(part) for part in zip(*found, strict=True))
+        equations.add_nearest(
+            points, distances, gradients, self.config.gate, self.config.scale
+        )
 
     def _silhouettes(self, poses: Placement) -> dict[int, tuple[Array, Array]]:
         """What each object hides that the camera saw: p_O, and targets p_S (N, 3).
@@ -168,46 +155,62 @@ class JointRefiner:
         """
         scene = self._renderer.scene
         image, labels = self._renderer.labels(poses)
-        seen_past = (image > 0) & (scene.depth > image + self.config.see_past)
-        background = (image == 0) & (scene.observed == 0) & (scene.depth > 0)
-        closed = seen_past | background
+        rows, columns = self._surroundings(poses)
+        image, labels = image[rows, columns], labels[rows, columns]
+        depth, observed = scene.depth[rows, columns], scene.observed[rows, columns]
+        seen_past = (image > 0) & (depth > image + self.config.see_past)
+        closed = seen_past | ((image == 0) & (observed == 0) & (depth > 0))
         _, nearest = cv2.distanceTransformWithLabels(
             closed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
         )
-        rows, columns = np.nonzero(~closed)
-        seeds = np.zeros((nearest.max() + 1, 2))
-        seeds[nearest[rows, columns]] = np.stack([columns, rows], axis=1)
-        rays = scene.intrinsics.rays()
+        open_v, open_u = np.nonzero(~closed)
+        seeds = np.zeros((nearest.max() + 1, 2), dtype=int)
+        seeds[nearest[open_v, open_u]] = np.stack([open_u, open_v], axis=1)
+        corner = np.array([columns.start, rows.start])
         result = {}
         for k in poses:
             v, u = np.nonzero((labels == k) & seen_past)
             step = max(1, len(v) // self.config.points)
             v, u = v[::step], u[::step]
-            z = image[v, u].astype(float)[:, None]
-            to_u, to_v = seeds[nearest[v, u]].astype(int).T
-            p_S = transform_points(self._X_SC, rays[v, u] * z)
-            target_S = transform_points(self._X_SC, rays[to_v, to_u] * z)
+            z = image[v, u].astype(float)
+            p_S = self._unprojected(np.stack([u, v], axis=1) + corner, z)
+            target_S = self._unprojected(seeds[nearest[v, u]] + corner, z)
             result[k] = (transform_points(inverse(poses[k]), p_S), target_S)
         return result
 
+    def _surroundings(self, poses: Placement) -> tuple[slice, slice]:
+        """The rows and columns of the image within which silhouettes matter."""
+        windows = [self._renderer.object_window(k, X) for k, X in poses.items()]
+        top = min(w.row for w in windows) - _MARGIN
+        left = min(w.column for w in windows) - _MARGIN
+        bottom = max(w.row + w.depth.shape[0] for w in windows) + _MARGIN
+        right = max(w.column + w.depth.shape[1] for w in windows) + _MARGIN
+        return slice(max(top, 0), bottom), slice(max(left, 0), right)
+
+    def _unprojected(self, pixels: NDArray[np.int64], z: Array) -> Array:
+        """Points p_S (N, 3) at depths (N,), m, in pixels (u, v), (N, 2)."""
+        K = self._renderer.scene.intrinsics
+        rays = (pixels - [K.cx, K.cy]) / [K.fx, K.fy]
+        p_C = np.column_stack([rays * z[:, None], z])
+        return transform_points(self._X_SC, p_C)
+
     def _add_silhouettes(
         self,
-        equations: _NormalEquations,
-        indices: Sequence[int],
+        equations: NormalEquations,
         poses: Placement,
         silhouettes: Mapping[int, tuple[Array, Array]],
     ) -> None:
         """Pulls the points seen past sideways, to where the object may be."""
-        for n, k in enumerate(indices):
+        for n, (k, X) in enumerate(poses.items()):
             points_O, target = silhouettes[k]
-            points = transform_points(poses[k], points_O)
+            points = transform_points(X, points_O)
             way = target - points
             length = np.linalg.norm(way, axis=1)
             direction = way / np.maximum(length, 1e-9)[:, None]
-            weight = self.config.silhouette_weight * _geman_mcclure(
+            weight = self.config.silhouette_weight * geman_mcclure(
                 length, 3 * self.config.scale
             )
-            equations.add({n: _jacobian(points, direction, poses[k])}, length, weight)
+            equations.add(n, points, direction, length, weight)
 
     def _contacts(self, poses: Placement) -> dict[tuple[int, int], Mask]:
         """Which surface points of i touch j at the start (j = -1: the surface)."""
@@ -223,30 +226,21 @@ class JointRefiner:
 
     def _add_bodies(
         self,
-        equations: _NormalEquations,
-        indices: Sequence[int],
+        equations: NormalEquations,
         poses: Placement,
         contacts: Mapping[tuple[int, int], Mask],
     ) -> None:
         """Overlap is pushed out, contact kept: with the surface and between objects."""
-        for n, i in enumerate(indices):
-            model = registration_model(self._models[i])
-            points = transform_points(poses[i], model.points)
+        for n, (i, X) in enumerate(poses.items()):
+            points = transform_points(X, registration_model(self._models[i]).points)
             up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
             weight = self._body_weight(points[:, 2], contacts[i, -1])
-            use = weight > 0
-            J = -_jacobian(points[use], up[use], poses[i])
-            equations.add({n: J}, points[use, 2], weight[use])
-            for m, j in enumerate(indices):
-                if j == i:
-                    continue
-                d, g = _surface_distance(self._models[j], poses[j], points)
-                weight = self._body_weight(d, contacts[i, j])
-                use = weight > 0
-                if use.any():
-                    J_j = _jacobian(points[use], g[use], poses[j])
-                    J_i = -_jacobian(points[use], g[use], poses[i])
-                    equations.add({m: J_j, n: J_i}, d[use], weight[use])
+            equations.add_between(-1, n, points, up, points[:, 2], weight)
+            for m, (j, Y) in enumerate(poses.items()):
+                if j != i:
+                    d, g = _surface_distance(self._models[j], Y, points)
+                    weight = self._body_weight(d, contacts[i, j])
+                    equations.add_between(m, n, points, g, d, weight)
 
     def _body_weight(self, gap: Array, touching: Mask) -> Array:
         contact = np.where(touching, self.config.contact_weight, 0.0)
@@ -257,30 +251,18 @@ def _surface_distance(
     model: ObjectModel, X_SO: Array, points: Array
 ) -> tuple[Array, Array]:
     """Signed distances (N,) of p_S to an object, and gradients (N, 3) in S."""
-    field = registration_model(model).distance_field
-    d, g = field.query(transform_points(inverse(X_SO), points))
-    return d, g @ X_SO[:3, :3].T
+    return registration_model(model).distance_field.query_posed(X_SO, points)
 
 
-def _jacobian(points: Array, gradients: Array, X_SO: Array) -> Array:
-    """Minus the change (N, 6) of fixed points' distance as the object moves.
-
-    The object turns by w about its origin and shifts by v; a fixed point then moves
-    by -(w x r + v) relative to it, so its distance d changes by -(r x g . w + g . v).
-    """
-    r = points - X_SO[:3, 3]
-    return np.concatenate([np.cross(r, gradients), gradients], axis=1)
-
-
-def _geman_mcclure(residual: Array, scale: float) -> Array:
-    return np.asarray(1 / np.square(1 + np.square(residual / scale)))
-
-
-def _damped_solve(equations: _NormalEquations) -> Array:
-    """The step that lowers every residual, slightly damped in both kinds of unknown."""
-    A, b = equations.A, equations.b
-    count = len(b) // 6
-    shift = np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], count)
-    scale = max(float(A.diagonal()[shift > 0].mean()), 1e-9)
-    damping = np.where(shift > 0, 1e-2, 1e-2 * 0.05**2) * scale
-    return np.asarray(np.linalg.solve(A + np.diag(damping), b))
+@njit(cache=True, nogil=True)
+def _fine_cost(
+    image: DepthImage, depth: DepthImage, mask: Mask, cutoff: float
+) -> float:
+    cost = 0.0
+    for v in range(image.shape[0]):
+        for u in range(image.shape[1]):
+            if image[v, u] == 0:
+                cost += mask[v, u]
+            elif depth[v, u] > 0:
+                cost += min(abs(image[v, u] - depth[v, u]) / cutoff, 1.0)
+    return cost

@@ -51,6 +51,14 @@ def test_dropped_from_5_mm_it_rests_on_the_table(object_id: int) -> None:
     assert tilt(settled.X_SO, true) < 0.5
 
 
+@pytest.mark.parametrize("object_id", FLAT)
+def test_rest_is_noticed_although_a_body_may_chatter(object_id: int) -> None:
+    true = resting(object_id, FLAT[object_id], 0.1, -0.2)
+    settled = settler(object_id).settle(make_pose(p=[0, 0, 0.002]) @ true, {})
+    assert settled.at_rest
+    assert settled.time < 0.3
+
+
 @pytest.mark.parametrize("depth", [0.001, 0.003, 0.01])
 @pytest.mark.parametrize("object_id", FLAT)
 def test_from_inside_the_table_it_comes_up_without_a_jump(
@@ -119,6 +127,15 @@ def test_a_lost_object_is_reported(height: float) -> None:
     )
     assert settled.lost
     assert not settled.at_rest
+
+
+def test_a_fall_is_followed_no_farther_than_asked() -> None:
+    config = SettleConfig(lost_distance=0.05)
+    start = resting(SOAP, FLAT[SOAP], 0.0, 0.0, 0.2)
+    settled = Settler(library()[SOAP], [], config).settle(start, {})
+    assert settled.lost
+    assert 0.05 < start[2, 3] - settled.X_SO[2, 3] < 0.08
+    assert not settler(SOAP).settle(start, {}).lost
 
 
 def test_running_out_of_time_is_reported() -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.observation import Detection, Segment
 from physim_drake.poses import Array, make_pose
+from physim_drake.rendering.windows import DepthWindow, crop
 from physim_drake.scene import Scene
 from physim_drake.search.states import StateRenderer, composite
 
@@ -29,9 +30,9 @@ class FakeRenderer:
         self.images = images
         self.calls: list[tuple[int, Array]] = []
 
-    def render(self, object_id: int, X_CO: Array) -> DepthImage:
+    def window(self, object_id: int, X_CO: Array) -> DepthWindow:
         self.calls.append((object_id, X_CO))
-        return self.images[object_id]
+        return crop(self.images[object_id])
 
 
 DEPTH = image([0.5, 0.5, 0.9, 0.0], [0.6, 0.6, 0.9, 0.9])
@@ -99,6 +100,20 @@ def test_nothing_drawn_where_nothing_is_seen_is_no_agreement() -> None:
     assert renderer.score(OBSERVED) == 4
 
 
+def test_the_gain_is_the_difference_that_an_object_makes() -> None:
+    renderer, _ = make_renderer()
+    for first, second in ((0, 1), (1, 0)):
+        parent = renderer.image({first: np.eye(4)})
+        gain = renderer.score(renderer.image(BOTH)) - renderer.score(parent)
+        assert renderer.gain(parent, second, np.eye(4)) == gain
+
+
+def test_an_object_that_hides_what_agreed_costs() -> None:
+    renderer, fake = make_renderer()
+    fake.images[7] = np.where(NEAR > 0, NEAR - np.float32(0.05), NEAR)
+    assert renderer.gain(OBSERVED, 0, np.eye(4)) == -2
+
+
 def test_labels_tell_who_is_in_front() -> None:
     renderer, _ = make_renderer()
     depth, labels = renderer.labels(BOTH)
@@ -124,25 +139,25 @@ def test_a_hidden_object_has_no_confidence() -> None:
 def test_objects_are_drawn_where_the_camera_sees_them() -> None:
     renderer, fake = make_renderer()
     X_SO = make_pose(p=[0.1, 0.2, 0.3])
-    renderer.object_image(1, X_SO)
+    renderer.object_window(1, X_SO)
     ((object_id, X_CO),) = fake.calls
     assert object_id == 9
     np.testing.assert_allclose(X_CO, X_CS @ X_SO)
 
 
-def test_images_are_remembered_the_last_used_longest() -> None:
+def test_windows_are_remembered_the_last_used_longest() -> None:
     renderer, fake = make_renderer(remembered=2)
     a, b, c = (make_pose(p=[0.1 * n, 0, 0]) for n in range(3))
     for X in (a, b, a, c, a):
-        renderer.object_image(0, X)
+        renderer.object_window(0, X)
     assert len(fake.calls) == 3
-    renderer.object_image(0, b)
+    renderer.object_window(0, b)
     assert len(fake.calls) == 4
 
 
-def test_the_same_object_twice_in_a_scene_shares_its_images() -> None:
+def test_the_same_object_twice_in_a_scene_shares_its_windows() -> None:
     renderer, fake = make_renderer()
-    renderer.object_image(0, np.eye(4))
-    renderer.object_image(1, np.eye(4))
-    renderer.object_image(0, np.eye(4))
+    renderer.object_window(0, np.eye(4))
+    renderer.object_window(1, np.eye(4))
+    renderer.object_window(0, np.eye(4))
     assert [object_id for object_id, _ in fake.calls] == [7, 9]

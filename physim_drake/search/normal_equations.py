@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: MIT
+"""Normal equations of a Gauss-Newton step over the poses of several objects.
+
+Six unknowns an object: a turn w (rad) about its origin, then a shift v (m). As the
+object moves, the signed distance d of a fixed point p to it changes by
+-(r x g . w + g . v), with g the distance's gradient and r = p - origin; a point of the
+object itself changes its distance to another one by the opposite.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from physim_drake.poses import Array
+
+
+class NormalEquations:
+    """Accumulates J^T W J and J^T W r.
+
+    Attributes:
+        A: (6 N, 6 N) for N objects.
+        b: (6 N,).
+
+    Args:
+        origins: of the objects, (N, 3), m.
+    """
+
+    def __init__(self, origins: Array) -> None:
+        self._origins = origins
+        self.A = np.zeros((6 * len(origins), 6 * len(origins)))
+        self.b = np.zeros(6 * len(origins))
+
+    def add(
+        self, n: int, points: Array, gradients: Array, residuals: Array, weights: Array
+    ) -> None:
+        """Adds fixed points near object `n`: (N, 3), (N, 3), (N,), (N,)."""
+        self.add_between(n, -1, points, gradients, residuals, weights)
+
+    def add_between(
+        self,
+        n: int,
+        m: int,
+        points: Array,
+        gradients: Array,
+        residuals: Array,
+        weights: Array,
+    ) -> None:
+        """Adds points that move with object `m`, by their distances to object `n`.
+
+        Either may be -1: what does not move.
+        """
+        _add(self.A, self.b, self._origins, n, m, points, gradients, residuals, weights)
+
+    def add_nearest(
+        self,
+        points: Array,
+        distances: Array,
+        gradients: Array,
+        gate: float,
+        scale: float,
+    ) -> None:
+        """Adds fixed points, each for the object it is nearest to.
+
+        Args:
+            points: (N, 3), m.
+            distances: to each object, (K, N), m.
+            gradients: of the distances, (K, N, 3).
+            gate: points farther than this from every object do not count, m.
+            scale: of the Geman-McClure weights, m.
+        """
+        nearest = np.abs(distances).argmin(axis=0)
+        for n in range(len(distances)):
+            d = distances[n]
+            weights = np.where(
+                (nearest == n) & (np.abs(d) < gate), geman_mcclure(d, scale), 0.0
+            )
+            self.add(n, points, gradients[n], d, weights)
+
+    def solve(self, damping: float) -> Array:
+        """The step (N, 6) that lowers every residual.
+
+        Args:
+            damping: of shifts, against the mean of what determines them; turns are
+                damped as shifts are at 5 cm.
+        """
+        shifts = np.tile([False, False, False, True, True, True], len(self._origins))
+        scale = max(float(self.A.diagonal()[shifts].mean()), 1e-9)
+        extra = np.where(shifts, damping, damping * 0.05**2) * scale
+        step = np.linalg.solve(self.A + np.diag(extra), self.b)
+        return np.asarray(step).reshape(-1, 6)
+
+
+def geman_mcclure(residual: Array, scale: float) -> Array:
+    """Weights that fade where residuals exceed `scale`."""
+    return np.asarray(1 / np.square(1 + np.square(residual / scale)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add(
+    A: Array,
+    b: Array,
+    origins: Array,
+    n: int,
+    m: int,
+    points: Array,
+    gradients: Array,
+    residuals: Array,
+    weights: Array,
+) -> None:
+    J = np.zeros((2, 6))
+    for q in range(len(points)):
+        weight = weights[q]
+        if weight == 0:
+            continue
+        gx, gy, gz = gradients[q, 0], gradients[q, 1], gradients[q, 2]
+        for side, k in enumerate((n, m)):
+            if k < 0:
+                continue
+            sign = 1.0 if side == 0 else -1.0
+            x = points[q, 0] - origins[k, 0]
+            y = points[q, 1] - origins[k, 1]
+            z = points[q, 2] - origins[k, 2]
+            J[side, 0] = sign * (y * gz - z * gy)
+            J[side, 1] = sign * (z * gx - x * gz)
+            J[side, 2] = sign * (x * gy - y * gx)
+            J[side, 3], J[side, 4], J[side, 5] = sign * gx, sign * gy, sign * gz
+        for side, k in enumerate((n, m)):
+            if k < 0:
+                continue
+            for i in range(6):
+                weighted = weight * J[side, i]
+                b[6 * k + i] += weighted * residuals[q]
+                for other, o in enumerate((n, m)):
+                    if o >= 0:
+                        for j in range(6):
+                            A[6 * k + i, 6 * o + j] += weighted * J[other, j]
