@@ -35,6 +35,7 @@ _STEP = 0.1  # s, between looks at how far the task is
 _AFTERWARDS = 1.0  # s, for what was let go last to come to rest
 # Meshcat looks over the table's far corner at arm and objects; m, from the pick area.
 _VIEW_FROM, _VIEW_OF = np.array([0.9, -0.8, 0.75]), np.array([-0.15, 0.1, 0.15])
+_FALLEN = 0.05  # m below the pick area
 _PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place", "plan_line")
 
 
@@ -121,7 +122,7 @@ class EpisodeRunner:
         return EpisodeResult(
             episode,
             _outcomes(cell, start, state, judge.truth(), in_tote),
-            judge.looks(in_tote),
+            judge.looks(self._on_table),
             state.log,
             judge.time,
             watch.seconds,
@@ -153,6 +154,11 @@ class EpisodeRunner:
         return judge.state.noted(
             judge.time, EventKind.END, f"{end:g} s are over, the task is not"
         )
+
+    def _on_table(self, p_WO: Array) -> bool:
+        """Whether an object at this point has yet to be picked, and can be."""
+        fallen = p_WO[2] < self.geometry.X_WA[2, 3] - _FALLEN
+        return not fallen and not self.geometry.tote.holds(p_WO)
 
     def close(self) -> None:
         """Ends worker processes and removes temporary files."""
@@ -253,13 +259,13 @@ class _Judge:
         if look.number and look.value is not None:
             self._truth_at[look.number] = look.value
 
-    def looks(self, in_tote: Callable[[Array], bool]) -> tuple[LookOutcome, ...]:
+    def looks(self, on_table: Callable[[Array], bool]) -> tuple[LookOutcome, ...]:
         """All looks, with the errors for what was on the table."""
         outcomes = []
         for look in self._port("pose_errors").value or ():
             truth = self._truth_at.get(look.number, {})
-            on_table = {n for n, X_WO in truth.items() if not in_tote(X_WO[:3, 3])}
-            errors = tuple(e for e in look.objects if e.name in on_table)
+            there = {n for n, X_WO in truth.items() if on_table(X_WO[:3, 3])}
+            errors = tuple(e for e in look.objects if e.name in there)
             outcomes.append(LookOutcome(look.number, look.time, errors, look.error))
         return tuple(outcomes)
 
