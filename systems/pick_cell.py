@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.schema import Transform
-from pydrake.geometry import Meshcat, MeshcatVisualizer, Role, SceneGraph
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Role,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     ModelDirectives,
@@ -51,6 +57,8 @@ from physim_drake.systems.perception_config import (
 from physim_drake.systems.pick_task import JointLayout, PickTaskSystem
 from physim_drake.systems.pose_visualizer import PoseVisualizerConfig
 from physim_drake.systems.suction_gripper import SuctionGripper
+
+_FRAME = 1 / 16  # s; replays are interpolated, and stay small
 
 
 @dataclass(frozen=True)
@@ -126,7 +134,12 @@ class PickCell:
         ):
             builder.Connect(self.task.GetOutputPort(name), port)
         if parts.meshcat is not None:
-            MeshcatVisualizer.AddToBuilder(builder, scene_graph, parts.meshcat)
+            MeshcatVisualizer.AddToBuilder(
+                builder,
+                scene_graph,
+                parts.meshcat,
+                MeshcatVisualizerParams(publish_period=_FRAME),
+            )
         self.diagram: Diagram = builder.Build()
 
     def close(self) -> None:
