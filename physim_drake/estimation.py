@@ -74,6 +74,8 @@ class EstimationConfig:
         rounds: a group is searched at most this often, with new hypotheses for
             objects that the image does not confirm; 1 is the paper's way.
         confirmed: the confidence from which on an object is.
+        trusted: an object of less confidence takes no points from another's new
+            hypotheses: where all are wrong together, all begin anew.
     """
 
     method: Method = Method.PHYSIM_MCTS
@@ -86,6 +88,7 @@ class EstimationConfig:
     promising: float = 0.1
     rounds: int = 3
     confirmed: float = 0.93
+    trusted: float = 0.7
 
     def with_budget(self, expansions: int, representatives: int) -> EstimationConfig:
         """The same with other sizes of the search and of the hypotheses' sets."""
@@ -294,7 +297,14 @@ class PoseEstimator:
             order = sorted(order, key=lambda k: -confidence[k])
             again = self._hypotheses(
                 [
-                    (k, {j: best[j] for j in order if confidence[j] > confidence[k]})
+                    (
+                        k,
+                        {
+                            j: best[j]
+                            for j in order
+                            if confidence[j] > max(confidence[k], self._config.trusted)
+                        },
+                    )
                     for k in doubtful
                 ],
                 number + 1,
