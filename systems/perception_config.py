@@ -75,7 +75,7 @@ class EstimatorConfig:
     method: Method = Method.PHYSIM_MCTS
     expansions: int = 250
     representatives: int = 25
-    rounds: int = 2
+    rounds: int = 3
     workers: int = 1
     seed: int = 0
     surface_height: float | None = None

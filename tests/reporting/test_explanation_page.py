@@ -48,7 +48,8 @@ def bare_page() -> str:
 
 def test_pages_need_nothing_from_outside(page: str, bare_page: str) -> None:
     for text in (page, bare_page):
-        assert "http" not in text
+        assert "http:" not in text  # four letters alone may occur in picture data
+        assert "https:" not in text
         parser = Balance()
         parser.feed(text)
         assert parser.open == []
