@@ -52,11 +52,11 @@ def page() -> str:
 
 
 def direct_names() -> list[str]:
-    """The packages that pyproject.toml asks for, those for development apart."""
+    """The packages that pyproject.toml asks for, those to work on the project apart."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     texts = list(project["dependencies"])
     for extra, more in project.get("optional-dependencies", {}).items():
-        texts += more if extra != "dev" else []
+        texts += more if extra not in ("dev", "docs") else []
     return sorted({_normal(Requirement(text).name) for text in texts})
 
 
