@@ -93,7 +93,8 @@ def train(
     start: Annotated[
         Path | None,
         typer.Option(
-            metavar="WEIGHTS", help="Start from these weights, of the same objects."
+            metavar="WEIGHTS",
+            help="Start from these weights, of the same or of other objects.",
         ),
     ] = None,
     container: Annotated[

@@ -42,10 +42,10 @@ class NetworkConfig:
     backbone: BackboneName = BackboneName.RESIDUAL
     channels: int = 3
     image_size: int = 448
-    widths: tuple[int, ...] = (64, 128, 256, 384)
+    widths: tuple[int, ...] = (64, 128, 256, 320)
     depths: tuple[int, ...] = (1, 2, 2, 1)
     pyramid_channels: int = 96
-    head_channels: int = 512
+    head_channels: int = 384
     mask_layers: int = 2
 
     def as_dict(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
-from physim_drake.datasets.bop import BopDataset, ImageId
+from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.errors import InputError
 from physim_drake.files import write_atomically
@@ -83,16 +83,23 @@ def write_detections(path: Path, entries: Sequence[dict[str, Any]]) -> None:
         file.write(f"[\n{lines}\n]\n")
 
 
-def target_names(dataset: BopDataset) -> dict[int, str]:
+def target_names(
+    dataset: BopDataset, targets: Sequence[Target] | None = None
+) -> dict[int, str]:
     """Names of the objects that a dataset's images are said to show, by id.
 
     A name is empty where the dataset does not give one; there is nothing where it
     does not say what its images show.
+
+    Args:
+        dataset: the images and the models.
+        targets: what they are said to show; the dataset's own where it is None.
     """
     try:
-        ids = sorted({target.object_id for target in dataset.targets()})
+        wanted = dataset.targets() if targets is None else targets
     except InputError:
         return {}
+    ids = sorted({target.object_id for target in wanted})
     names = dict.fromkeys(ids, "")
     if (dataset.models / LIBRARY_FILE).exists():
         known = {entry.object_id: entry.name for entry in find_objects(dataset.models)}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from physim_drake.camera import DepthImage
-from physim_drake.detection.networks import ObjectClass
+from physim_drake.detection.networks import ObjectClass, segmenter
 from physim_drake.detection.weights import load_weights
 from physim_drake.errors import InputError
 from physim_drake.observation import Detection
@@ -57,15 +57,26 @@ class NetworkDetector:
         path: Path,
         threads: int | None = None,
         device: torch.device | None = None,
+        *,
+        pixels: bool = False,
     ) -> NetworkDetector:
         """Reads weights that `physim-drake train` wrote.
+
+        Args:
+            path: the file.
+            threads: see `NetworkDetector`.
+            device: see `NetworkDetector`.
+            pixels: use only what tells the class of every pixel, which is a fully
+                convolutional network: each object at most once, with no regard to
+                boxes.
 
         Raises:
             InputError: where they cannot be used.
         """
         weights = load_weights(path)
+        network = segmenter(weights.network) if pixels else weights.network
         channels = weights.network.config.channels
-        return cls(weights.network, weights.classes, channels, threads, device, path)
+        return cls(network, weights.classes, channels, threads, device, path)
 
     def check_objects(self, names: Mapping[int, str], asker: Path | str) -> None:
         """Sees whether the network knows certain objects.

@@ -29,6 +29,7 @@ from physim_drake.detection.heads import (
     read_features,
 )
 from physim_drake.detection.image_batch import ImageBatch, Target, make_batch
+from physim_drake.detection.pixel_head import PixelHead, pixel_loss
 from physim_drake.detection.region_proposals import FIRST_LEVEL, RegionProposalNetwork
 
 
@@ -58,6 +59,7 @@ class FasterRcnn(nn.Module):
         self.proposals = RegionProposalNetwork(channels, STRIDES[FIRST_LEVEL:])
         self.box_head = BoxHead(channels, config.head_channels, classes)
         self.mask_head = MaskHead(channels, config.mask_layers, classes)
+        self.pixels = PixelHead(channels, classes)
 
     def forward(
         self, images: Sequence[Tensor], targets: Sequence[Target] | None = None
@@ -78,7 +80,8 @@ class FasterRcnn(nn.Module):
             return self._detect(maps, batch)
         if targets is None:
             raise ValueError("targets are needed in training")
-        return self._losses(maps, batch, targets)
+        pixels = pixel_loss(self.pixels(maps[0]), targets, batch)
+        return {**self._losses(maps, batch, targets), "loss_pixels": pixels}
 
     def _losses(
         self, maps: Sequence[Tensor], batch: ImageBatch, targets: Sequence[Target]

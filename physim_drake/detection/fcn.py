@@ -17,6 +17,7 @@ from torch.nn import functional
 from physim_drake.detection.backbones import FeaturePyramid
 from physim_drake.detection.config import NetworkConfig
 from physim_drake.detection.image_batch import ImageBatch, Target, make_batch
+from physim_drake.detection.pixel_head import PixelHead, pixel_loss
 
 _LEAST_PIXELS = 40
 
@@ -32,36 +33,24 @@ class FullyConvolutionalNetwork(nn.Module):
     def __init__(self, config: NetworkConfig, classes: int) -> None:
         super().__init__()
         self.config = config
-        channels = config.pyramid_channels
         self.pyramid = FeaturePyramid(config)
-        self.head = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, padding=1),
-            nn.ReLU(inplace=True),
-            nn.Conv2d(channels, classes + 1, 1),
-        )
+        self.pixels = PixelHead(config.pyramid_channels, classes)
 
     def forward(
         self, images: Sequence[Tensor], targets: Sequence[Target] | None = None
     ) -> dict[str, Tensor] | list[dict[str, Tensor]]:
         """Losses when it trains, detections otherwise; see `FasterRcnn.forward`."""
         batch = make_batch(images, self.config.channels, self.config.image_size)
-        scores = self.head(self.pyramid(batch.tensor)[0]).float()
-        scores = functional.interpolate(scores, batch.tensor.shape[2:], mode="bilinear")
+        scores = self.pixels(self.pyramid(batch.tensor)[0])
         if not self.training:
             return self._detect(scores, batch)
         if targets is None:
             raise ValueError("targets are needed in training")
-        goals = [
-            functional.cross_entropy(
-                scores[k : k + 1, :, : size[0], : size[1]],
-                class_map(targets[k], size)[None],
-            )
-            for k, size in enumerate(batch.sizes)
-        ]
-        return {"loss_pixels": torch.stack(goals).mean()}
+        return {"loss_pixels": pixel_loss(scores, targets, batch)}
 
     def _detect(self, scores: Tensor, batch: ImageBatch) -> list[dict[str, Tensor]]:
         results = []
+        scores = functional.interpolate(scores, batch.tensor.shape[2:], mode="bilinear")
         for k, size in enumerate(batch.sizes):
             own = functional.interpolate(
                 scores[k : k + 1, :, : size[0], : size[1]],
@@ -70,18 +59,6 @@ class FullyConvolutionalNetwork(nn.Module):
             )[0]
             results.append(_class_segments(own.softmax(dim=0)))
         return results
-
-
-def class_map(target: Target, size: tuple[int, int]) -> Tensor:
-    """The class of each pixel (height, width) of an image of this size, 0 for none."""
-    masks, labels = target["masks"], target["labels"]
-    classes = torch.zeros(masks.shape[1:], dtype=torch.int64, device=masks.device)
-    for mask, label in zip(masks, labels, strict=True):
-        classes[mask > 0] = label
-    if tuple(classes.shape) == tuple(size):
-        return classes
-    scaled = functional.interpolate(classes[None, None].float(), size, mode="nearest")
-    return scaled[0, 0].to(torch.int64)
 
 
 def _class_segments(probability: Tensor) -> dict[str, Tensor]:

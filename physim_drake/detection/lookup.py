@@ -3,40 +3,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from physim_drake.datasets.bop import BopDataset, ImageId
+from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.detection.detect_images import target_names
 from physim_drake.detection.detector import NetworkDetector
+from physim_drake.detection.model_sizes import check_sizes
 from physim_drake.errors import InputError
 from physim_drake.observation import Detection
 
 
 def network_lookup(
-    dataset: BopDataset, weights: Path, threads: int | None = None
+    dataset: BopDataset,
+    weights: Path,
+    targets: Sequence[Target] | None = None,
+    *,
+    like: Path | None = None,
+    pixels: bool = False,
 ) -> tuple[Callable[[ImageId], list[Detection]], str]:
     """Detections that a network makes when they are looked up.
 
-    Each object that the network knows and does not see gets a detection without a
-    pixel, so that it is reported as not found.
+    Only objects that are targets are looked for. After those seen comes, for each
+    object, `Detection.unseen`: for instances that the network does not see.
 
     Args:
         dataset: the images.
         weights: of the network.
-        threads: CPU threads it may use.
+        targets: what to look for; the dataset's own where it is None.
+        like: the models that the network was trained with: objects of the dataset
+            that have no name must be as large. Otherwise their ids are believed.
+        pixels: use only what tells the class of every pixel; see
+            `NetworkDetector.load`.
 
     Returns:
         the look-up, and what to call its source.
 
     Raises:
         InputError: where the weights cannot be used, or are for other objects than
-            the dataset's; with a look-up, where an image has no colour.
+            the targets; with a look-up, where an image has no colour.
     """
-    detector = NetworkDetector.load(weights, threads)
-    detector.check_objects(target_names(dataset), dataset.root)
+    names = target_names(dataset, targets)
+    detector = NetworkDetector.load(weights, pixels=pixels)
+    detector.check_objects(names, dataset.root)
+    if like is not None:
+        nameless = [object_id for object_id, name in names.items() if not name]
+        check_sizes(nameless, dataset.models, like, detector.source)
+    # A dataset that does not say what it shows may show all that the network knows.
+    wanted = names or {c.object_id: c.name for c in detector.classes}
 
     def look_up(image: ImageId) -> list[Detection]:
         observation = dataset.observation(*image)
@@ -47,12 +61,8 @@ def network_lookup(
                 "give colour images, or detections",
             )
         found = detector.detect(observation.color, observation.depth)
-        seen = {d.object_id for d in found}
-        height, width = observation.depth.shape
-        # The support surface is looked for around boxes: where something is seen.
-        box = found[0].box if found else np.array([0.0, 0.0, width, height])
-        nothing = np.zeros((height, width), dtype=bool)
-        unseen = [c.object_id for c in detector.classes if c.object_id not in seen]
-        return [*found, *(Detection(i, box, 0.0, nothing) for i in unseen)]
+        seen = [d for d in found if d.object_id in wanted]
+        size = observation.depth.shape
+        return [*seen, *(Detection.unseen(i, size[0], size[1]) for i in wanted)]
 
     return look_up, str(weights.resolve())

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import nn
@@ -49,6 +49,16 @@ def make_network(config: NetworkConfig, classes: int) -> Network:
     network: Network = kinds[config.kind](config, classes)
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     return network
+
+
+def segmenter(network: Network) -> FullyConvolutionalNetwork:
+    """The network that tells the class of every pixel, with weights of another."""
+    if isinstance(network, FullyConvolutionalNetwork):
+        return network
+    config = replace(network.config, kind=NetworkKind.FCN)
+    alone = FullyConvolutionalNetwork(config, network.pixels.classes)
+    alone.pyramid, alone.pixels = network.pyramid, network.pixels
+    return alone.train(network.training)
 
 
 def count_weights(network: nn.Module) -> int:

@@ -18,17 +18,12 @@ from physim_drake.detection.config import NetworkConfig
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.judging import judge_detector
 from physim_drake.detection.metrics import AveragePrecision
-from physim_drake.detection.networks import (
-    Network,
-    ObjectClass,
-    classes_of,
-    make_network,
-)
+from physim_drake.detection.networks import Network, classes_of, make_network
 from physim_drake.detection.training import Trainer, TrainingConfig
 from physim_drake.detection.training_images import TrainingImages, pack_images
 from physim_drake.detection.training_log import TrainingLog
 from physim_drake.detection.training_scenes import SceneSetConfig, generate_scene_set
-from physim_drake.detection.weights import load_weights, save_weights
+from physim_drake.detection.weights import save_weights, start_from
 from physim_drake.errors import InputError
 from physim_drake.files import make_folder
 from physim_drake.objects import ObjectLibrary
@@ -56,7 +51,7 @@ class TrainDetectorConfig:
         training: how.
         augmentation: how images are changed.
         data: a dataset with visible masks to learn from, instead of generated scenes.
-        start: weights to start from, instead of random ones.
+        start: weights to start from, of any objects, instead of random ones.
     """
 
     scenes: SceneSetConfig = field(default_factory=SceneSetConfig)
@@ -149,17 +144,7 @@ class DetectorTraining:
         torch.manual_seed(config.training.seed)
         network = make_network(config.network, len(self._classes))
         if config.start is not None:
-            weights = load_weights(config.start)
-            if weights.classes != self._classes or (
-                weights.network.config != config.network
-            ):
-                raise InputError(
-                    config.start,
-                    "are weights of another network or other classes: "
-                    f"{_names(weights.classes)}, not {_names(self._classes)}",
-                    "train from the beginning",
-                )
-            network.load_state_dict(weights.network.state_dict())
+            start_from(network, config.start)
         return network
 
     def _data(self) -> BopDataset:
@@ -240,7 +225,3 @@ def _sample_size(images: TrainingImages, longer_side: int) -> tuple[int, int]:
     height, width = images.size
     factor = longer_side / max(height, width)
     return round(height * factor), round(width * factor)
-
-
-def _names(classes: tuple[ObjectClass, ...]) -> str:
-    return ", ".join(f"{c.object_id} {c.name}" for c in classes)

@@ -101,6 +101,30 @@ def load_weights(path: Path) -> Weights:
     return Weights(network.eval(), classes)
 
 
+def start_from(network: Network, path: Path) -> None:
+    """Gives a network the weights of another one, wherever they fit.
+
+    Parts of another shape, or that the other network lacks, stay as they are: with
+    another number of objects, those that tell classes apart.
+
+    Args:
+        network: that is to learn.
+        path: a file that `save_weights` wrote.
+
+    Raises:
+        InputError: where it cannot be read, or not even its features fit.
+    """
+    own, other = network.state_dict(), load_weights(path).network.state_dict()
+    fitting = {k: v for k, v in other.items() if k in own and own[k].shape == v.shape}
+    if any(k.startswith("pyramid.") and k not in fitting for k in own):
+        raise InputError(
+            path,
+            "are weights of another backbone",
+            "train from the beginning, or with the settings that they were made with",
+        )
+    network.load_state_dict(own | fitting)
+
+
 def read_safetensors(path: Path, remedy: str) -> tuple[dict[str, str], dict[str, Any]]:
     """Metadata and tensors of a safetensors file.
 

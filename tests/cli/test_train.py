@@ -92,10 +92,10 @@ def test_resuming_with_other_settings(trained: Path, models: Path):
     check_refused(result, "resume with the settings of the earlier run")
 
 
-def test_start_weights_of_other_classes(tmp_path: Path, models: Path):
+def test_start_weights_of_another_network(tmp_path: Path, models: Path):
     other = write_weights(tmp_path / "other.safetensors", 1, 9)
     result = run(tmp_path / "out", "--models", models, "--start", other, *SMALL)
-    check_refused(result, "are weights of another network or other classes")
+    check_refused(result, "are weights of another backbone")
 
 
 def test_a_pickle_to_start_from(tmp_path: Path, models: Path):

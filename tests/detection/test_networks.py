@@ -12,7 +12,12 @@ from physim_drake.detection.config import BackboneName, NetworkConfig, NetworkKi
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.faster_rcnn import paste_masks
 from physim_drake.detection.metrics import average_precision
-from physim_drake.detection.networks import Network, count_weights, make_network
+from physim_drake.detection.networks import (
+    Network,
+    count_weights,
+    make_network,
+    segmenter,
+)
 from physim_drake.errors import InputError
 from tests.detection.scenes import (
     CLASSES,
@@ -76,13 +81,25 @@ def test_losses_are_those_of_torchvision_by_name_and_shape(kind: NetworkKind):
     losses = cast(Losses, network([sample.image], [sample.target]))
     assert all(loss.ndim == 0 and loss.isfinite() for loss in losses.values())
     if kind is NetworkKind.FASTER_RCNN:
-        assert set(losses) == {
+        assert set(losses) - {"loss_pixels"} == {
             "loss_objectness",
             "loss_rpn_box",
             "loss_classifier",
             "loss_box",
             "loss_mask",
         }
+
+
+def test_a_trained_detector_segments_too():
+    """What tells the class of every pixel learns together with the rest."""
+    torch.manual_seed(1)
+    network = make_network(tiny(), len(CLASSES))
+    learn(network, 8, 70)
+    detector = NetworkDetector(segmenter(network), CLASSES)
+    images = [draw_image(k) for k in range(8)]
+    found = [detector.detect(image.color) for image in images]
+    result = average_precision(found, [truth_of(image) for image in images])
+    assert result.mask_50 > 0.8
 
 
 @pytest.mark.parametrize("kind", KINDS)

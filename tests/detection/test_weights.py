@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,12 @@ from safetensors.torch import save_file
 from physim_drake.detection.config import NetworkConfig, NetworkKind
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks import make_network
-from physim_drake.detection.weights import describe, load_weights, save_weights
+from physim_drake.detection.weights import (
+    describe,
+    load_weights,
+    save_weights,
+    start_from,
+)
 from physim_drake.errors import InputError
 from tests.detection.scenes import CLASSES, draw_image, tiny
 
@@ -163,3 +169,27 @@ def test_the_same_objects(path: Path):
 def test_configurations_are_read_back():
     config = NetworkConfig(kind=NetworkKind.FCN, widths=(1, 2, 3, 4))
     assert NetworkConfig.from_dict(json.loads(json.dumps(config.as_dict()))) == config
+
+
+def test_what_fits_is_taken_from_weights_of_other_objects(path: Path):
+    torch.manual_seed(4)
+    network = make_network(tiny(), len(CLASSES) + 1)
+    before = {k: v.clone() for k, v in network.state_dict().items()}
+    start_from(network, path)
+    other = load_weights(path).network.state_dict()
+    for name, value in network.state_dict().items():
+        fits = value.shape == other[name].shape
+        assert torch.equal(value, (other if fits else before)[name])
+
+
+def test_a_network_starts_from_one_of_another_kind(path: Path):
+    network = make_network(tiny(NetworkKind.FCN), len(CLASSES))
+    start_from(network, path)
+    other = load_weights(path).network.state_dict()
+    assert all(torch.equal(v, other[k]) for k, v in network.state_dict().items())
+
+
+def test_another_backbone_is_no_start(path: Path):
+    network = make_network(replace(tiny(), pyramid_channels=40), len(CLASSES))
+    with pytest.raises(InputError, match="are weights of another backbone"):
+        start_from(network, path)
