@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 import re
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,12 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from physim_drake.errors import InputError
+from physim_drake.mesh_assets import FolderResolver
+from physim_drake.mesh_limits import MAX_FACES, read_mesh_file
 from physim_drake.poses import Array
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
 """The file formats that are read, by their suffix in lower case."""
-
-MAX_FACES = 2_000_000
-"""Meshes with more faces, or files of more than 250 bytes for each, are refused."""
 
 # Without a handler trimesh prints tracebacks, of a missing texture for instance.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -58,16 +58,15 @@ def read_raw_mesh(path: Path) -> trimesh.Trimesh:
     Raises:
         InputError: where the file is missing, too large, or no mesh.
     """
-    if not path.is_file():
-        raise InputError(path, "does not exist", "check the name of the mesh file")
-    if path.stat().st_size > 250 * MAX_FACES:
-        raise InputError(
-            path,
-            f"has {path.stat().st_size / 1e6:.0f} MB",
-            f"reduce the mesh to fewer than {MAX_FACES} faces",
-        )
+    data = read_mesh_file(path)
     try:
-        mesh = trimesh.load(path, process=False, force="mesh")
+        mesh = trimesh.load(
+            BytesIO(data),
+            file_type=path.suffix.lower()[1:],
+            resolver=FolderResolver(path.parent),
+            process=False,
+            force="mesh",
+        )
     except Exception as error:  # trimesh raises whatever its parsers come upon
         raise InputError(
             path,
@@ -77,12 +76,11 @@ def read_raw_mesh(path: Path) -> trimesh.Trimesh:
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(path, "holds no triangles", "export a surface, not points")
     if path.suffix.lower() == ".ply":
-        with path.open("rb") as file:
-            stated = _matches(rb"^element face (\d+)", file.read(8192))
+        stated = re.findall(rb"^element face (\d+)", data[:65536], re.MULTILINE)
         if stated and len(mesh.faces) < int(stated[0]):
             raise InputError(
                 path,
-                f"is cut short: {len(mesh.faces)} of {stated[0]} faces",
+                f"is cut short: {len(mesh.faces)} of {int(stated[0])} faces",
                 "copy or export it again",
                 "faces",
             )
@@ -124,28 +122,6 @@ def read_mesh(path: Path, unit: float = 1.0) -> MeshReading:
         raise InputError(path, "is flat: it encloses no volume", "model a solid")
     mesh, problems = clean_mesh(vertices, faces)
     return MeshReading(mesh, (*problems, *_check_closed(path, mesh)))
-
-
-def find_texture(path: Path) -> Path | None:
-    """Returns the image that an OBJ or PLY file names as its texture, if it exists."""
-    if path.suffix.lower() == ".ply":
-        with path.open("rb") as file:
-            names = _matches(rb"^comment TextureFile (.+)$", file.read(8192))
-    elif path.suffix.lower() == ".obj":
-        with path.open("rb") as file:
-            libraries = _matches(rb"^mtllib (.+)$", file.read(65536))
-        names = [
-            name
-            for library in libraries
-            if (path.parent / library).is_file()
-            for name in _matches(
-                rb"^\s*map_Kd (.+)$", (path.parent / library).read_bytes()
-            )
-        ]
-    else:
-        names = []
-    images = (path.parent / name for name in names)
-    return next((image for image in images if image.is_file()), None)
 
 
 def clean_mesh(vertices: Array, faces: Array) -> tuple[trimesh.Trimesh, list[str]]:
@@ -286,11 +262,6 @@ def _hole_area(mesh: trimesh.Trimesh, uses: NDArray[np.intp]) -> float:
         vectors, label[directed[:, 0]], np.cross(start - origin, end - origin) / 2
     )
     return float(np.linalg.norm(vectors, axis=1).sum())
-
-
-def _matches(pattern: bytes, text: bytes) -> list[str]:
-    found = re.findall(pattern, text, re.MULTILINE)
-    return [name.decode("utf-8", "replace").strip() for name in found]
 
 
 def _first_line(error: Exception) -> str:

@@ -20,6 +20,7 @@ from physim_drake import meshes
 from physim_drake.collision import convex_pieces
 from physim_drake.errors import InputError
 from physim_drake.library_files import DEFAULT_FRICTION, ObjectEntry, find_objects
+from physim_drake.mesh_assets import find_texture
 from physim_drake.poses import Array, SymmetryGroup
 from physim_drake.symmetry import detect_symmetry
 
@@ -223,7 +224,7 @@ def _read_model(entry: ObjectEntry) -> ObjectModel:
         model,
         source=entry.mesh,
         source_unit=entry.unit,
-        texture=meshes.find_texture(entry.mesh),
+        texture=find_texture(entry.mesh),
         problems=reading.problems,
     )
 
