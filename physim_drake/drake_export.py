@@ -21,6 +21,11 @@ DISSIPATION = 50.0  # s/m, Hunt and Crossley's, Drake's default
 _GREY = np.array([0.7, 0.7, 0.7])
 
 
+def file_stem(name: str) -> str:
+    """A name that suits a file and stays in its folder, whatever `name` is."""
+    return re.sub(r"[^\w.-]", "_", name)[:100].lstrip(".") or "object"
+
+
 def write_drake_model(model: ObjectModel, folder: Path) -> Path:
     """Writes a model with its meshes into a folder.
 
@@ -46,7 +51,7 @@ def write_drake_model(model: ObjectModel, folder: Path) -> Path:
 
 def _write_files(model: ObjectModel, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    stem = re.sub(r"[^\w.-]", "_", model.name)
+    stem = file_stem(model.name)
     visual = _write_visual(model, folder, stem)
     pieces = []
     for i, piece in enumerate(model.collision_pieces):
@@ -116,7 +121,7 @@ def _write_visual(model: ObjectModel, folder: Path, stem: str) -> Path:
             np.asarray(raw.vertex_normals),
             np.asarray(uv),
         )
-        image.convert("RGB").save(folder / f"{stem}.png")
+        image.save(folder / f"{stem}.png")
         lines[1:] = ["Kd 1 1 1", f"map_Kd {stem}.png"]
     else:
         mesh = model.mesh
@@ -128,10 +133,18 @@ def _write_visual(model: ObjectModel, folder: Path, stem: str) -> Path:
 
 
 def _texture_image(raw: trimesh.Trimesh) -> Any:
-    """The image of a mesh's material, packed from several if there are, or None."""
+    """The image of a mesh's material, packed from several if there are.
+
+    None where there is none, or it is damaged.
+    """
     material = raw.visual.material
     image = getattr(material, "image", None)
-    return image if image is not None else getattr(material, "baseColorTexture", None)
+    if image is None:
+        image = getattr(material, "baseColorTexture", None)
+    try:
+        return None if image is None else image.convert("RGB")
+    except Exception:  # Pillow raises whatever its parsers come upon
+        return None
 
 
 def _obj_text(

@@ -34,8 +34,19 @@ class InputError(PhysimError):
             field,
         )
         where = f"{source}: {field}" if field else str(source)
-        super().__init__(f"{where}: {problem}" + (f"; {remedy}" if remedy else ""))
+        text = f"{where}: {problem}" + (f"; {remedy}" if remedy else "")
+        super().__init__(_on_one_line(text))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str | None]]:
         """Pickles by the constructor's arguments, so that workers can send it."""
         return type(self), (self.source, self.problem, self.remedy, self.field)
+
+
+def _on_one_line(text: str) -> str:
+    """`text` with all that a terminal would obey or could not print escaped.
+
+    Messages quote files, and a file may hold line ends and control sequences.
+    """
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode() for c in text
+    )

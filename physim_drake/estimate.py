@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import yaml
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from physim_drake.drake_export import write_drake_model
+from physim_drake.drake_export import file_stem, write_drake_model
 from physim_drake.files import write_atomically
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
@@ -145,13 +146,15 @@ class SceneEstimate:
             InputError: where the folder cannot be written.
         """
         directives: list[dict[str, Any]] = []
-        counts: dict[str, int] = {}
+        counts: Counter[str] = Counter()
+        stems = _file_stems(self.objects)
         for estimate in self.objects:
             if estimate.X_WO is None:
                 continue
-            sdf = write_drake_model(library[estimate.object_id], folder / estimate.name)
-            number = counts[estimate.name] = counts.get(estimate.name, 0) + 1
-            name = estimate.name if number == 1 else f"{estimate.name}_{number}"
+            stem = stems[estimate.object_id]
+            sdf = write_drake_model(library[estimate.object_id], folder / stem)
+            counts[stem] += 1
+            name = stem if counts[stem] == 1 else f"{stem}_{counts[stem]}"
             rpy = RollPitchYaw(RotationMatrix(estimate.X_WO[:3, :3])).vector()
             directives += _welded_model(
                 name, sdf, estimate.X_WO[:3, 3].tolist(), np.degrees(rpy).tolist()
@@ -160,6 +163,17 @@ class SceneEstimate:
         with write_atomically(path) as file:
             yaml.safe_dump({"directives": directives}, file, sort_keys=False)
         return path
+
+
+def _file_stems(objects: Sequence[ObjectEstimate]) -> dict[int, str]:
+    """A folder's name for each object by its id, no two the same."""
+    stems: dict[int, str] = {}
+    for item in objects:
+        if item.object_id not in stems:
+            stem = file_stem(item.name)
+            taken = stem in stems.values()
+            stems[item.object_id] = f"{stem}_id{item.object_id}" if taken else stem
+    return stems
 
 
 def _welded_model(

@@ -23,7 +23,6 @@
 """
 
 # No postponed annotations here: Drake's YAML loader reads the types themselves.
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,13 +31,18 @@ from pathlib import Path
 import numpy as np
 from pydrake.common.yaml import yaml_load_typed
 
+from physim_drake.datasets.json_nodes import MAX_ID, read_json
 from physim_drake.errors import InputError
 from physim_drake.meshes import MESH_SUFFIXES
 from physim_drake.poses import ContinuousAxis, SymmetryGroup, is_rotation
+from physim_drake.text_files import read_text
+from physim_drake.yaml_limits import MAX_YAML_BYTES, check_yaml
 
 LIBRARY_FILE = "library.yaml"
 BOP_FILE = "models_info.json"
 DEFAULT_FRICTION = 0.8
+MAX_NAME = 100
+"""Longest name of an object."""
 
 
 @dataclass
@@ -146,8 +150,10 @@ def find_objects(folder: Path) -> list[ObjectEntry]:
 
 def _read_library(folder: Path) -> list[ObjectEntry]:
     path = folder / LIBRARY_FILE
+    text = read_text(path, MAX_YAML_BYTES, "YAML")
     try:
-        config = yaml_load_typed(schema=LibraryConfig, filename=str(path))
+        check_yaml(text)
+        config = yaml_load_typed(schema=LibraryConfig, data=text)
     # The loader reports a wrong type by whatever fails first, assertions included.
     except Exception as error:
         reason = " ".join(str(error).split())[:200] or "a value has the wrong type"
@@ -164,8 +170,18 @@ def _library_entry(path: Path, index: int, config: ObjectConfig) -> ObjectEntry:
     where = f"objects[{index}]"
     if config.id < 1:
         raise InputError(path, f"is {config.id}", "give a positive id", f"{where}.id")
+    if config.id > MAX_ID:
+        raise InputError(path, f"is {config.id}", f"ids go to {MAX_ID}", f"{where}.id")
     if not config.mesh:
         raise InputError(path, "is missing", "name the mesh file", f"{where}.mesh")
+    name = config.name or Path(config.mesh).stem
+    if len(name) > MAX_NAME or not name.isprintable():
+        raise InputError(
+            path,
+            f"is {name[:40]!a}",
+            f"give at most {MAX_NAME} printable characters",
+            f"{where}.name",
+        )
     for key, value in (("mass", config.mass), ("friction", config.friction)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(path, f"is {value}", "must be positive", f"{where}.{key}")
@@ -177,30 +193,39 @@ def _library_entry(path: Path, index: int, config: ObjectConfig) -> ObjectEntry:
         )
     return ObjectEntry(
         config.id,
-        config.name or Path(config.mesh).stem,
-        path.parent / config.mesh,
-        collision=tuple(path.parent / name for name in config.collision),
+        name,
+        _below(path, config.mesh, f"{where}.mesh"),
+        collision=tuple(
+            _below(path, piece, f"{where}.collision") for piece in config.collision
+        ),
         mass=config.mass,
         friction=config.friction,
         symmetry=symmetry,
     )
 
 
+def _below(path: Path, name: str, where: str) -> Path:
+    """The file of this name in the library's folder or below."""
+    if Path(name).is_absolute() or ".." in Path(name).parts or not name.isprintable():
+        raise InputError(
+            path,
+            f"is {name[:80]!a}",
+            "meshes must lie in the library's folder or below; give a path from there",
+            where,
+        )
+    return path.parent / name
+
+
 def _read_bop(folder: Path) -> list[ObjectEntry]:
     path = folder / BOP_FILE
     infos: Mapping[str, object] = {}
     if path.is_file():
-        try:
-            infos = json.loads(path.read_text(encoding="utf-8"))
-        except (ValueError, OSError) as error:
-            raise InputError(
-                path, f"is no JSON ({error})", "write it again from the BOP toolkit"
-            ) from error
+        infos = read_json(path).value
         if not isinstance(infos, dict):
             raise InputError(path, "is no JSON object", "map each id to its facts")
     entries = []
     for mesh in folder.glob("obj_*.ply"):
-        match = re.fullmatch(r"obj_(\d+)", mesh.stem)
+        match = re.fullmatch(r"obj_([0-9]{1,6})", mesh.stem)
         if match:
             object_id = int(match[1])
             info = infos.get(str(object_id), {})
@@ -230,7 +255,7 @@ def _bop_symmetry(path: Path, key: str, info: object) -> SymmetryGroup | None:
         if not isinstance(item, dict) or "axis" not in item:
             raise InputError(
                 path,
-                f"is {item}",
+                f"is {ascii(item)[:80]}",
                 "give axis and offset",
                 f"{key}.symmetries_continuous",
             )
@@ -288,10 +313,11 @@ def _numbers(
 ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     try:
         array = np.array(values, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if len(array) != count or not np.isfinite(array).all():
-        raise InputError(source, f"is {values}", f"give {count} finite numbers", where)
+        shown = ascii(values)[:80]
+        raise InputError(source, f"is {shown}", f"give {count} finite numbers", where)
     return array
 
 

@@ -22,6 +22,8 @@ import yaml
 from pydrake.common.yaml import yaml_load_typed
 
 from physim_drake.errors import InputError
+from physim_drake.text_files import read_text
+from physim_drake.yaml_limits import MAX_YAML_BYTES, check_yaml
 
 T = TypeVar("T")
 
@@ -43,11 +45,7 @@ def load_typed_yaml(path: Path, schema: type[T], defaults: T | None = None) -> T
         InputError: where the file cannot be read, holds a key that the schema has
             not, or a value of another type.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(path, f"cannot be read: {reason}", "check the path") from error
+    text = read_text(path, MAX_YAML_BYTES, "YAML")
     return parse_typed_yaml(text, schema, defaults, str(path))
 
 
@@ -70,6 +68,7 @@ def parse_typed_yaml(
     if all(not line or line.startswith("#") for line in lines):
         return start
     try:
+        check_yaml(text)
         loaded = yaml_load_typed(
             schema=_twin(schema),
             data=text,
@@ -88,10 +87,13 @@ def parse_typed_yaml(
         TypeError,
         AttributeError,
         AssertionError,
+        KeyError,
+        IndexError,
+        OverflowError,
         yaml.YAMLError,
     ) as error:
         problem = " ".join(str(error).split())
-        if isinstance(error, AssertionError | AttributeError | TypeError):
+        if isinstance(error, AssertionError | AttributeError | LookupError | TypeError):
             problem = f"a value is not of its field's type ({problem})"
         raise InputError(source, problem, _REMEDY.format(schema.__name__)) from error
 

@@ -177,7 +177,7 @@ def test_size_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("info", "message"),
     [
-        ("{", "is no JSON"),
+        ("{", "is not valid JSON"),
         ("[]", "is no JSON object"),
         ('{"1": 3}', "1: is no JSON object"),
         ('{"1": {"symmetries_discrete": [[1, 2]]}}', "16 finite numbers"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,10 @@ import numpy as np
 
 from physim_drake.errors import InputError
 from physim_drake.poses import Array
+from physim_drake.text_files import read_text
+
+MAX_JSON_BYTES = 512_000_000
+"""Longest JSON file that is read."""
 
 MAX_ID = 999_999
 """Largest scene, image or object id: BOP writes them with six digits."""
@@ -63,7 +68,7 @@ class JsonNode:
         members: dict[int, JsonNode] = {}
         for key, value in self.value.items():
             place = f"{self.place}.{key}" if self.place else key
-            node = JsonNode(value, self.source, place)
+            node = JsonNode(value, self.source, place[:200])
             if not (key.isascii() and key.isdigit() and len(key) <= 6):
                 node.fail(f"key {_show(key)}", f"keys must be ids, 0 to {MAX_ID}")
             if int(key) in members:
@@ -110,18 +115,9 @@ class JsonNode:
 
 def read_json(path: Path) -> JsonNode:
     """Reads a JSON file; raises `InputError` naming the line where it is malformed."""
+    text = read_text(path, MAX_JSON_BYTES, "JSON")
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(
-            path, f"cannot be read: {error.strerror or error}", "check the path"
-        ) from None
-    except UnicodeDecodeError as error:
-        raise InputError(
-            path, f"is not UTF-8 text (byte {error.start})", "write it as UTF-8 JSON"
-        ) from None
-    try:
-        return JsonNode(json.loads(text, parse_constant=_reject_constant), path)
+        return JsonNode(parse_json(text), path)
     except json.JSONDecodeError as error:
         raise InputError(
             path,
@@ -133,6 +129,26 @@ def read_json(path: Path) -> JsonNode:
         raise InputError(
             path, f"is not valid JSON: {error}", "correct it or write it again"
         ) from None
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text.
+
+    Raises:
+        ValueError: where it is malformed, gives a key twice, or holds NaN.
+        RecursionError: where it is nested some thousand deep.
+    """
+    return json.loads(
+        text, parse_constant=_reject_constant, object_pairs_hook=_without_repeats
+    )
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    members = dict(pairs)
+    if len(members) != len(pairs):
+        twice = next(k for k, n in Counter(k for k, _ in pairs).items() if n > 1)
+        raise ValueError(f"the key {_show(twice)} is given twice")
+    return members
 
 
 def _reject_constant(name: str) -> NoReturn:

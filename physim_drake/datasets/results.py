@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,10 @@ from physim_drake.datasets.json_nodes import MAX_ID
 from physim_drake.datasets.scene_files import MAX_TRANSLATION_MM
 from physim_drake.errors import InputError
 from physim_drake.poses import Array, is_rotation, make_pose, nearest_rotation
+from physim_drake.text_files import read_text
+
+MAX_RESULTS_BYTES = 512_000_000
+"""Longest results file that is read."""
 
 COLUMNS = ("scene_id", "im_id", "obj_id", "score", "R", "t", "time")
 _ROTATION_TOLERANCE = 1e-2
@@ -65,20 +70,16 @@ def read_results(path: Path) -> list[ResultRow]:
         InputError: where the file cannot be read, lacks a column, or a row is
             malformed; names the line.
     """
+    file = StringIO(read_text(path, MAX_RESULTS_BYTES, "CSV"), newline="")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = csv.reader(file, skipinitialspace=True, strict=True)
-            columns = _read_header(path, next(lines, []))
-            return [
-                _read_row(_Line(path, lines.line_num, columns, values))
-                for values in lines
-                if values
-            ]
-    except OSError as error:
-        raise InputError(
-            path, f"cannot be read: {error.strerror or error}", "check the path"
-        ) from None
-    except (csv.Error, UnicodeDecodeError) as error:
+        lines = csv.reader(file, skipinitialspace=True, strict=True)
+        columns = _read_header(path, next(lines, []))
+        return [
+            _read_row(_Line(path, lines.line_num, columns, values))
+            for values in lines
+            if values
+        ]
+    except csv.Error as error:
         raise InputError(path, f"is not CSV text: {error}", "write it again") from None
 
 

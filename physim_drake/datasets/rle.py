@@ -40,7 +40,13 @@ def read_runs(segmentation: JsonNode, width: int, height: int) -> Runs:
         runs = np.array(
             [run.integer(0, width * height) for run in counts.elements()], np.int64
         )
-    if (runs < 0).any() or runs.sum() != width * height:
+    # Single runs first: the sum of impossible ones may wrap around.
+    if ((runs < 0) | (runs > width * height)).any():
+        counts.fail(
+            f"holds a run that does not fit into {width * height} pixels",
+            "encode the mask again, column by column",
+        )
+    if runs.sum() != width * height:
         counts.fail(
             f"sums to {runs.sum()} pixels, the mask has {width * height}",
             "encode the mask again, column by column",
@@ -56,7 +62,8 @@ def decode_runs(runs: Runs, width: int, height: int) -> Mask:
 
 def _unpack(counts: JsonNode) -> Runs:
     """Runs of a compressed string; each may still be negative or too long."""
-    codes = np.frombuffer(counts.value.encode("utf-8"), np.uint8).astype(np.int64) - 48
+    text = counts.value.encode("utf-8", "surrogatepass")
+    codes = np.frombuffer(text, np.uint8).astype(np.int64) - 48
     if ((codes < 0) | (codes > 63)).any():
         counts.fail("holds a character outside '0'..'o'", "encode the mask again")
     last = np.flatnonzero(codes < 32)

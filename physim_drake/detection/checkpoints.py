@@ -89,7 +89,7 @@ class TrainingState:
         try:
             step = int(metadata["step"])
             earlier = json.loads(metadata["settings"])
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, RecursionError):
             raise InputError(path, "is no state of a training run", _REMEDY) from None
         check_settings(path, earlier, settings)
         try:

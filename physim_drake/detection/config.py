@@ -78,6 +78,8 @@ class NetworkConfig:
         ]
         if len(config.widths) != 4 or len(config.depths) != 4:
             raise ValueError("widths and depths must have four members")
+        if max(config.depths) > 64:
+            raise ValueError("a stage has more than 64 blocks")
         if not all(0 < n <= 4096 for n in numbers) or not 0 <= config.mask_layers < 16:
             raise ValueError("a size is out of range")
         return config

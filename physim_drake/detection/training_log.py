@@ -68,7 +68,9 @@ class TrainingLog:
             try:
                 self.losses = [dict(e) for e in earlier["losses"].value]
                 self.tests = [dict(e) for e in earlier["tests"].value]
-            except (TypeError, ValueError):
+                for entry in (*self.losses, *self.tests):
+                    float(entry["step"]), float(entry.get("seconds", 0.0))
+            except (KeyError, TypeError, ValueError):
                 raise InputError(
                     path, "is no log of a training run", "remove it"
                 ) from None

@@ -84,8 +84,9 @@ def load_weights(path: Path) -> Weights:
     """
     metadata, tensors = read_safetensors(path, _REMEDY)
     config, classes = read_description(path, metadata)
-    network = make_network(config, len(classes))
-    expected = network.state_dict()
+    # Shapes alone first: a few hundred bytes can describe a network of terabytes.
+    with torch.device("meta"):
+        expected = make_network(config, len(classes)).state_dict()
     for name, value in expected.items():
         found = tensors.get(name)
         if found is None or found.shape != value.shape:
@@ -97,6 +98,7 @@ def load_weights(path: Path) -> Weights:
             raise InputError(path, "holds NaN or infinite values", _REMEDY, name)
     if extra := sorted(set(tensors) - set(expected)):
         raise InputError(path, "belongs to no part of the network", _REMEDY, extra[0])
+    network = make_network(config, len(classes))
     network.load_state_dict({name: value.float() for name, value in tensors.items()})
     return Weights(network.eval(), classes)
 

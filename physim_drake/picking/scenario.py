@@ -314,7 +314,15 @@ def _find_file(directive: ModelDirective, folder: Path) -> None:
     """Makes a path into the scenario's folder one that any parser knows."""
     for part in (directive.add_model, directive.add_directives):
         if part is not None and part.file.startswith(_SCENARIO_PACKAGE):
-            path = folder / part.file.removeprefix(_SCENARIO_PACKAGE)
+            name = part.file.removeprefix(_SCENARIO_PACKAGE)
+            if ".." in Path(name).parts or Path(name).is_absolute():
+                raise InputError(
+                    folder,
+                    f"{part.file!r} leaves the scenario's folder",
+                    "put the file there, or name it by file:// or another package",
+                    "directives",
+                )
+            path = folder / name
             part.file = f"file://{path}"
 
 

@@ -100,7 +100,7 @@ def test_other_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="lacks scene_id"):
         read_results(write(tmp_path / "r.csv", ""))
     (tmp_path / "r.csv").write_bytes(b"\x89PNG\0\xff")
-    with pytest.raises(InputError, match="not CSV text"):
+    with pytest.raises(InputError, match="is not UTF-8 text"):
         read_results(tmp_path / "r.csv")
 
 
