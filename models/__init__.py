@@ -9,7 +9,10 @@ APC11 = Path(__file__).parent / "apc11"
 """Folder of the eleven objects of the paper: meshes, SDF files, ``library.yaml``."""
 
 DETECTOR = APC11 / "detector.safetensors"
-"""Weights of a network that finds these objects."""
+"""Weights of a network that finds these objects: Faster R-CNN, with masks."""
+
+FCN = APC11 / "fcn.safetensors"
+"""Weights of a network that says which of these objects each pixel shows."""
 
 PACKAGE_XML = Path(__file__).parent / "package.xml"
 """Names this folder ``package://physim_drake_models``; add it to a parser with

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation import PoseEstimator
 from physim_drake.files import write_atomically
-from physim_drake.models import DETECTOR
+from physim_drake.models import APC11, DETECTOR, FCN
 from physim_drake.observation import Detection, RgbdObservation
 
 DetectionLookup = Callable[[ImageId], Sequence[Detection]]
@@ -79,6 +79,7 @@ def detection_lookup(
     file: Path | None = None,
     masks: bool = False,
     weights: Path | None = None,
+    targets: Sequence[Target] | None = None,
 ) -> tuple[DetectionLookup, str]:
     """Where the detections of a dataset's images come from.
 
@@ -89,6 +90,7 @@ def detection_lookup(
             package.
         masks: take the dataset's visible masks instead.
         weights: or what the network with these weights detects.
+        targets: what a network has to know; the dataset's own where it is None.
 
     Returns:
         the look-up, and what to call its source.
@@ -105,23 +107,64 @@ def detection_lookup(
     if masks:
         return lambda image: dataset.masks(*image), "masks"
     own = dataset.root / "detections.json"
-    if weights is None and file is None and not own.exists() and DETECTOR.exists():
-        weights = DETECTOR
-    if weights is not None:
+    if weights is not None or (file is None and not own.exists()):
         # Imported here, since torch takes its time.
         from physim_drake.detection.lookup import network_lookup
 
-        return network_lookup(dataset, weights)
-    if file is None and not own.exists():
+        if weights is not None:
+            return network_lookup(dataset, weights, targets)
+        _check_default(dataset, own)
+        return network_lookup(dataset, DETECTOR, targets, like=APC11)
+    path = file or own
+    detections = load_detections(path, dataset)
+    return lambda image: detections.get(image, []), str(path.resolve())
+
+
+def segment_lookup(
+    dataset: BopDataset,
+    weights: Path | None = None,
+    targets: Sequence[Target] | None = None,
+) -> tuple[DetectionLookup, str]:
+    """The segments of a fully convolutional network, for the method fcn-pca-icp.
+
+    Args:
+        dataset: the images.
+        weights: of the network; by default those that come with the package.
+        targets: what it has to know; the dataset's own where it is None.
+
+    Returns:
+        the look-up, and what to call its source.
+
+    Raises:
+        InputError: where the weights cannot be used, or are for other objects.
+    """
+    from physim_drake.detection.lookup import network_lookup
+
+    if weights is not None:
+        return network_lookup(dataset, weights, targets, pixels=True)
+    # A detector's weights hold those of a network for pixels as well.
+    default = FCN if FCN.exists() else DETECTOR
+    return network_lookup(dataset, default, targets, like=APC11, pixels=True)
+
+
+def boxes_only(look_up: DetectionLookup) -> DetectionLookup:
+    """The same detections without their masks."""
+
+    def without_masks(image: ImageId) -> list[Detection]:
+        return [replace(d, mask=None) if d.seen else d for d in look_up(image)]
+
+    return without_masks
+
+
+def _check_default(dataset: BopDataset, own: Path) -> None:
+    """Says what to give where a dataset has no detections and there are no weights."""
+    if not DETECTOR.exists():
         raise InputError(
             own,
             "does not exist, so where the objects are in the images is not known",
             "give --detections FILE (boxes in BOP's JSON format), --weights FILE of a "
             "network that finds them, or --masks to use the dataset's mask_visib",
         )
-    path = file or own
-    detections = load_detections(path, dataset)
-    return lambda image: detections.get(image, []), str(path.resolve())
 
 
 def choose_images(targets: Sequence[Target], names: Iterable[str]) -> list[ImageId]:
@@ -153,6 +196,9 @@ def match_detections(
 ) -> list[Detection]:
     """The best-scored detections of each of an image's targets.
 
+    Detections of other objects are left out. Where a source says that it did not see
+    an object (`Detection.unseen`), it says so once for each instance that is missing.
+
     Args:
         targets: of any images.
         image: which image.
@@ -174,7 +220,9 @@ def match_detections(
                 f"{image[0]}/{image[1]}, which is a target",
                 "add one, or remove the target",
             )
-        matched += sorted(same, key=lambda d: -d.score)[: target.count]
+        seen = sorted((d for d in same if d.seen), key=lambda d: -d.score)
+        unseen = [d for d in same if not d.seen][:1]
+        matched += [*seen, *unseen * (target.count - len(seen))][: target.count]
     return matched
 
 

@@ -47,13 +47,25 @@ class Method(StrEnum):
     """The ways to estimate a scene.
 
     The first two search over the scene with physics and refine it; the others take
-    each object alone.
+    each object alone. The last two do the same; but the segments of the last are those
+    of a fully convolutional network, wherever a method chooses its detections.
     """
 
     PHYSIM_MCTS = "physim-mcts"
     PHYSIM_HEURISTIC = "physim-heuristic"
     SUPER4PCS_ICP = "super4pcs-icp"
     PCA_ICP = "pca-icp"
+    FCN_PCA_ICP = "fcn-pca-icp"
+
+    @property
+    def searches(self) -> bool:
+        """Whether it looks at all objects together."""
+        return self in (Method.PHYSIM_MCTS, Method.PHYSIM_HEURISTIC)
+
+    @property
+    def makes_hypotheses(self) -> bool:
+        """Whether it makes pose hypotheses; if not, it takes principal axes."""
+        return self not in (Method.PCA_ICP, Method.FCN_PCA_ICP)
 
 
 @dataclass(frozen=True)
@@ -134,7 +146,8 @@ class PoseEstimator:
 
         Args:
             observation: the image.
-            detections: one for each object to find.
+            detections: one for each object to find; one that the detector did not see
+                (`Detection.unseen`) is not found.
             surface_height: z of the support surface in the world, m; found in the
                 image if not given.
             hypotheses: what the method of that name returned for the same arguments,
@@ -159,11 +172,11 @@ class PoseEstimator:
             found = {
                 k: h for k, (_, h) in enumerate(given) if k in large and len(h.X_SO)
             }
-        elif self._config.method is not Method.PCA_ICP:
+        elif self._config.method.makes_hypotheses:
             found = self._hypotheses([(k, _NOTHING) for k in large], 0)
         clock.lap("hypotheses")
         trace: list[SearchTrace] = []
-        if self._config.method in (Method.PHYSIM_MCTS, Method.PHYSIM_HEURISTIC):
+        if self._config.method.searches:
             placed = self._search(scene, found, clock, trace)
         else:
             placed = self._register(scene, large, found)
@@ -209,7 +222,8 @@ class PoseEstimator:
             return self._prepared[1:]
         if surface_height is None:
             generator = np.random.default_rng(self._config.seed)
-            surface = find_support_surface(observation, detections, generator)
+            seen = [d for d in detections if d.seen]
+            surface = find_support_surface(observation, seen, generator)
         else:
             surface = surface_at_height(observation, surface_height)
         self._prepared = key, surface, prepare_scene(observation, surface, detections)
@@ -418,6 +432,8 @@ class PoseEstimator:
                 if count < least
                 else "no pose of it fits its segment"
             )
+            if not segment.detection.seen:
+                reason = "the detector did not see it"
             return ObjectEstimate(segment.object_id, name, None, None, 0.0, reason)
         X_SO = placed[k].copy()
         X_SO[:3, :3] = nearest_rotation(X_SO[:3, :3])

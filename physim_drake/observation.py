@@ -117,6 +117,17 @@ class Detection:
     score: float = 1.0
     mask: Mask | None = None
 
+    @classmethod
+    def unseen(cls, object_id: int, height: int, width: int) -> Detection:
+        """Says that a detector did not see an object, in an image of this size."""
+        mask = np.zeros((height, width), dtype=bool)
+        return cls(object_id, np.zeros(4), 0.0, mask)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the detector saw the object; if not, its mask has no pixel."""
+        return self.mask is None or bool(self.mask.any())
+
     def pixels(self, height: int, width: int) -> Mask:
         """The pixels that may show the object, (height, width) bool."""
         if self.mask is not None:

@@ -17,7 +17,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from physim_drake.errors import InputError
-from physim_drake.estimation import Method, PoseEstimator
+from physim_drake.estimation import PoseEstimator
 from physim_drake.objects import ObjectLibrary
 from physim_drake.systems.camera_source import CameraSource
 from physim_drake.systems.detector import (
@@ -50,7 +50,7 @@ class PerceptionDiagram(Diagram):
         - observation
         - labels
         - detections
-        - hypotheses (not with the method pca-icp, which makes none)
+        - hypotheses (not with pca-icp and fcn-pca-icp, which make none)
         - scene_estimate
         - true_poses
         - look_poses
@@ -175,7 +175,7 @@ class PerceptionDiagram(Diagram):
         builder.AddNamedSystem("pose_estimator", estimator)
         _connect(builder, camera, estimator, "observation")
         _connect(builder, detector, estimator, "detections")
-        if config.method is not Method.PCA_ICP:
+        if config.method.makes_hypotheses:
             generator = HypothesisGenerator(
                 self.estimator, config.surface_height, self._timing(latency.hypotheses)
             )

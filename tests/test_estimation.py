@@ -134,7 +134,9 @@ def test_the_estimated_stack_is_physically_possible() -> None:
 @pytest.mark.parametrize("method", list(Method))
 def test_objects_apart_are_found_by_every_method(method: Method) -> None:
     result = estimate(apart(), quick(method))
-    limit = {Method.PCA_ICP: (60, 180), Method.SUPER4PCS_ICP: (12, 12)}
+    axes = (60, 180)
+    limit = {Method.PCA_ICP: axes, Method.FCN_PCA_ICP: axes}
+    limit[Method.SUPER4PCS_ICP] = (12, 12)
     shift, turn = limit.get(method, (4, 4))
     found = errors(apart(), result)
     assert found[:, 0].max() < shift

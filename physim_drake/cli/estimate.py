@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from pathlib import Path
@@ -12,15 +11,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperCommand
 
+from physim_drake.cli.options import surface_height
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from physim_drake.batch import DetectionLookup
+    from physim_drake.datasets.bop import BopDataset, Target
     from physim_drake.estimation import EstimationConfig
 
 MAX_DEFAULT_WORKERS = 4
 """The search scores four placements at a time, so that more workers would idle."""
 
-MethodName = Literal["physim-mcts", "physim-heuristic", "super4pcs-icp", "pca-icp"]
+MethodName = Literal[
+    "physim-mcts", "physim-heuristic", "super4pcs-icp", "pca-icp", "fcn-pca-icp"
+]
 
 
 class EstimateCommand(TyperCommand):
@@ -65,7 +71,7 @@ def estimate(
         typer.Option(
             metavar="FILE",
             help="Boxes, or masks, of the objects in BOP's JSON format; by default "
-            "DATASET/detections.json.",
+            "DATASET/detections.json, else what a network detects.",
         ),
     ] = None,
     masks: Annotated[
@@ -78,6 +84,10 @@ def estimate(
             help="Or what a network detects, with these weights of physim-drake train.",
         ),
     ] = None,
+    boxes: Annotated[
+        bool,
+        typer.Option("--boxes", help="Use the boxes of detections with masks, too."),
+    ] = False,
     targets: Annotated[
         Path | None,
         typer.Option(
@@ -155,20 +165,22 @@ def estimate(
     """
     from rich.console import Console
 
-    from physim_drake.batch import choose_images, detection_lookup
+    from physim_drake.batch import boxes_only, choose_images
     from physim_drake.cli.estimate_run import EstimateRun
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results_writer import ResultsWriter
     from physim_drake.files import make_folder
     from physim_drake.objects import ObjectLibrary
 
-    height = _surface_height(surface)
+    height = surface_height(surface)
     data = BopDataset(dataset, split, models)
     wanted = data.targets(targets)
     chosen = choose_images(wanted, images or ())
-    lookup, source = detection_lookup(data, detections, masks, weights)
-    ids = {t.object_id for t in wanted if (t.scene_id, t.im_id) in set(chosen)}
-    library = ObjectLibrary.load(data.models, ids)
+    of_chosen = [t for t in wanted if (t.scene_id, t.im_id) in set(chosen)]
+    library = ObjectLibrary.load(data.models, {t.object_id for t in of_chosen})
+    lookup, source = _lookup(method, data, detections, masks, weights, of_chosen)
+    if boxes:
+        lookup, source = boxes_only(lookup), f"boxes of {source}"
     for folder in (overlays, trace):
         if folder is not None:
             make_folder(folder)
@@ -195,6 +207,29 @@ def estimate(
         ).run(chosen, writer, height, overlays, trace)
 
 
+def _lookup(
+    method: str,
+    data: BopDataset,
+    detections: Path | None,
+    masks: bool,
+    weights: Path | None,
+    targets: Sequence[Target],
+) -> tuple[DetectionLookup, str]:
+    """What the method takes for the places of the objects, and its name."""
+    from physim_drake.batch import detection_lookup, segment_lookup
+    from physim_drake.estimation import Method
+
+    if method != Method.FCN_PCA_ICP:
+        return detection_lookup(data, detections, masks, weights, targets)
+    if detections is not None or masks:
+        raise InputError(
+            "--masks" if masks else "--detections",
+            f"given with {method}, which segments images by a network",
+            "leave it out, or give --method pca-icp",
+        )
+    return segment_lookup(data, weights, targets)
+
+
 def _config(
     method: str, expansions: int, hypotheses: int, workers: int | None, seed: int
 ) -> EstimationConfig:
@@ -207,17 +242,3 @@ def _config(
 def default_workers() -> int:
     """One worker for each core this process may use, within reason."""
     return min(len(os.sched_getaffinity(0)), MAX_DEFAULT_WORKERS)
-
-
-def _surface_height(text: str) -> float | None:
-    if text == "auto":
-        return None
-    try:
-        height = float(text)
-    except ValueError:
-        height = math.nan
-    if not math.isfinite(height):
-        raise InputError(
-            "--surface", f"is {text!r}", "give auto, or the height in metres"
-        )
-    return height

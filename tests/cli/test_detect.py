@@ -12,6 +12,7 @@ import torch
 
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.detections import load_detections
+from physim_drake.detection.config import NetworkKind
 from physim_drake.detection.networks import ObjectClass, make_network
 from physim_drake.detection.weights import save_weights
 from physim_drake.models import APC11
@@ -39,12 +40,23 @@ def dataset(tmp_path: Path) -> Path:
     return write_tiny(tmp_path / "tiny")
 
 
-def write_weights(path: Path, *ids: int) -> Path:
+def write_weights(
+    path: Path, *ids: int, kind: NetworkKind = NetworkKind.FASTER_RCNN
+) -> Path:
     """Those of an untrained network."""
-    torch.manual_seed(0)
     classes = tuple(ObjectClass(i, f"object {i}") for i in ids)
-    network = make_network(tiny(), len(classes))
-    save_weights(path, network.state_dict(), tiny(), classes)
+    return write_weights_of(path, classes, kind)
+
+
+def write_weights_of(
+    path: Path,
+    classes: tuple[ObjectClass, ...],
+    kind: NetworkKind = NetworkKind.FASTER_RCNN,
+) -> Path:
+    """Those of an untrained network for certain classes."""
+    torch.manual_seed(0)
+    network = make_network(tiny(kind), len(classes))
+    save_weights(path, network.state_dict(), tiny(kind), classes)
     return path
 
 

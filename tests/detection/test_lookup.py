@@ -7,11 +7,20 @@ import numpy as np
 import pytest
 
 from physim_drake import batch
-from physim_drake.batch import Target, detection_lookup, match_detections
+from physim_drake.batch import (
+    Target,
+    boxes_only,
+    detection_lookup,
+    match_detections,
+    segment_lookup,
+)
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection import lookup
+from physim_drake.detection.config import NetworkKind
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.errors import InputError
+from physim_drake.models import APC11
+from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection
 from tests.cli.test_detect import write_weights
 from tests.datasets.tiny import HEIGHT, WIDTH, write_tiny
@@ -57,25 +66,37 @@ def test_an_object_that_is_not_seen_has_no_pixel(
     sees(monkeypatch, 2)
     look_up, source = lookup.network_lookup(dataset, weights)
     missed, seen = match_detections(TARGETS, IMAGE, look_up(IMAGE), source)
-    assert seen.score == 0.9
-    assert missed.object_id == 1
+    assert (seen.score, seen.seen) == (0.9, True)
+    assert (missed.object_id, missed.seen) == (1, False)
     assert missed.mask is not None
     assert not missed.mask.any()
-    assert missed.box.tolist() == seen.box.tolist()
 
 
-def test_where_nothing_is_seen_the_surface_is_looked_for_everywhere(
+def test_instances_that_are_not_seen_are_said_one_by_one(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    sees(monkeypatch)
-    look_up, _ = lookup.network_lookup(dataset, weights)
-    for d in look_up(IMAGE):
-        assert d.box.tolist() == [0, 0, WIDTH, HEIGHT]
+    sees(monkeypatch, 1)
+    targets = [Target(*IMAGE, 1, 4), Target(*IMAGE, 2, 3)]
+    look_up, source = lookup.network_lookup(dataset, weights, targets)
+    found = match_detections(targets, IMAGE, look_up(IMAGE), source)
+    assert [d.object_id for d in found] == [1] * 4 + [2] * 3
+    assert [d.score for d in found] == [0.9, 0.4, 0, 0, 0, 0, 0]
+
+
+def test_what_is_no_target_is_not_looked_for(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 1, 2)
+    look_up, source = lookup.network_lookup(dataset, weights, TARGETS[1:])
+    assert {d.object_id for d in look_up(IMAGE)} == {2}
+    found = match_detections(TARGETS[1:], IMAGE, look_up(IMAGE), source)
+    assert [d.object_id for d in found] == [2]
 
 
 def test_the_network_stands_in_for_missing_detections(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    name_models(dataset.root, "object 1", "object 2")
     monkeypatch.setattr(batch, "DETECTOR", weights)
     _, source = detection_lookup(dataset)
     assert source == str(weights)
@@ -85,6 +106,73 @@ def test_the_network_stands_in_for_missing_detections(
         '"score": 1.0}]'
     )
     assert detection_lookup(dataset)[1] == str(own)
+
+
+def test_only_boxes_may_be_kept(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 2)
+    look_up, _ = lookup.network_lookup(dataset, weights)
+    kept = boxes_only(look_up)(IMAGE)
+    assert [(d.object_id, d.seen, d.mask is None) for d in kept] == [
+        (2, True, True),
+        (2, True, True),
+        (1, False, False),
+        (2, False, False),
+    ]
+
+
+def name_models(root: Path, *names: str) -> None:
+    """Says what the dataset's objects are."""
+    (root / "models").mkdir()
+    entries = "".join(
+        f"- {{id: {k}, name: {name}, mesh: a.obj}}\n"
+        for k, name in enumerate(names, start=1)
+    )
+    (root / "models" / "library.yaml").write_text(f"objects:\n{entries}")
+
+
+def test_objects_of_another_name_are_not_left_to_the_default(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    name_models(dataset.root, "object 1", "teapot")
+    monkeypatch.setattr(batch, "DETECTOR", weights)
+    with pytest.raises(InputError, match="object 2 of .* is teapot"):
+        detection_lookup(dataset)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_objects_without_a_name_are_told_by_their_size(
+    dataset: BopDataset, weights: Path, scale: float, monkeypatch: pytest.MonkeyPatch
+):
+    models = dataset.root / "models"
+    models.mkdir()
+    library = ObjectLibrary.load(APC11, {1, 2})
+    for object_id, model in library.items():
+        mesh = model.mesh.copy().apply_scale(1000 * scale)
+        mesh.export(models / f"obj_{object_id:06d}.ply")
+    monkeypatch.setattr(batch, "DETECTOR", weights)
+    if scale == 1.0:
+        assert detection_lookup(dataset)[1] == str(weights)
+        return
+    with pytest.raises(InputError, match="object 1 is not the one that"):
+        detection_lookup(dataset)
+
+
+def test_segments_come_from_the_weights_for_pixels(
+    dataset: BopDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    name_models(dataset.root, "object 1", "object 2")
+    fcn = write_weights(tmp_path / "fcn", 1, 2, kind=NetworkKind.FCN)
+    detector = write_weights(tmp_path / "detector", 1, 2)
+    monkeypatch.setattr(batch, "FCN", fcn)
+    monkeypatch.setattr(batch, "DETECTOR", detector)
+    assert segment_lookup(dataset)[1] == str(fcn)
+    fcn.unlink()
+    look_up, source = segment_lookup(dataset)
+    assert source == str(detector)
+    found = [d for d in look_up(IMAGE) if d.seen]
+    assert len({d.object_id for d in found}) == len(found)
 
 
 def test_without_a_network_detections_are_asked_for(
