@@ -84,10 +84,11 @@ def train(
         bool, typer.Option("--depth", help="Learn from depth as well as colour.")
     ] = False,
     data: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             metavar="DATASET",
-            help="Learn from a dataset in BOP layout with mask_visib instead.",
+            help="Learn from a dataset in BOP layout with mask_visib instead; may be "
+            "given several times, each then counts the same.",
         ),
     ] = None,
     start: Annotated[
@@ -173,7 +174,7 @@ def train(
             seed=seed,
             bfloat16=_bfloat16(precision, where),
         ),
-        data=data,
+        data=tuple(data or ()),
         start=start,
     )
     library = ObjectLibrary.load(models)

@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 from physim_drake.datasets.bop import mask_bounds
 from physim_drake.detection.image_batch import Target
 from physim_drake.detection.photometry import PhotometryConfig, take_photo
-from physim_drake.detection.training_images import LabelledImage, TrainingImages
+from physim_drake.detection.training_images import (
+    LabelledImage,
+    MixedImages,
+    TrainingImages,
+)
 from physim_drake.poses import Array
 from physim_drake.rendering.vivid import draw_texture
 
@@ -79,7 +83,7 @@ class Augmenter:
 
     def __init__(
         self,
-        images: TrainingImages,
+        images: TrainingImages | MixedImages,
         labels: dict[int, int],
         size: tuple[int, int],
         config: AugmentationConfig = AugmentationConfig(),

@@ -20,7 +20,11 @@ from physim_drake.detection.judging import judge_detector
 from physim_drake.detection.metrics import AveragePrecision
 from physim_drake.detection.networks import Network, classes_of, make_network
 from physim_drake.detection.training import Trainer, TrainingConfig
-from physim_drake.detection.training_images import TrainingImages, pack_images
+from physim_drake.detection.training_images import (
+    MixedImages,
+    TrainingImages,
+    pack_images,
+)
 from physim_drake.detection.training_log import TrainingLog
 from physim_drake.detection.training_scenes import SceneSetConfig, generate_scene_set
 from physim_drake.detection.weights import save_weights, start_from
@@ -50,7 +54,8 @@ class TrainDetectorConfig:
         network: what learns.
         training: how.
         augmentation: how images are changed.
-        data: a dataset with visible masks to learn from, instead of generated scenes.
+        data: datasets with visible masks to learn from, instead of generated scenes;
+            each counts the same, however large it is.
         start: weights to start from, of any objects, instead of random ones.
     """
 
@@ -58,7 +63,7 @@ class TrainDetectorConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
-    data: Path | None = None
+    data: tuple[Path, ...] = ()
     start: Path | None = None
 
 
@@ -109,7 +114,7 @@ class DetectorTraining:
         log.write()  # so that a run which is cut off now knows what it was
         data = self._data()
         test = BopDataset(self._generate(test=True))
-        images = self._pack(data)
+        images = self._images(data)
         labels = {c.object_id: k for k, c in enumerate(self._classes, start=1)}
         size = _sample_size(images, self._config.network.image_size)
         augmenter = Augmenter(
@@ -147,10 +152,17 @@ class DetectorTraining:
             start_from(network, config.start)
         return network
 
-    def _data(self) -> BopDataset:
-        if self._config.data is None:
-            return BopDataset(self._generate(test=False))
-        return BopDataset(self._config.data)
+    def _data(self) -> list[BopDataset]:
+        if not self._config.data:
+            return [BopDataset(self._generate(test=False))]
+        return [BopDataset(path) for path in self._config.data]
+
+    def _images(self, data: list[BopDataset]) -> TrainingImages | MixedImages:
+        folder = self._out / PACKED_FOLDER
+        if len(data) == 1:
+            return self._pack(data[0], folder)
+        packed = [self._pack(d, folder / str(n)) for n, d in enumerate(data, start=1)]
+        return MixedImages(packed)
 
     def _generate(self, *, test: bool) -> Path:
         scenes = self._config.scenes
@@ -167,11 +179,11 @@ class DetectorTraining:
         gc.collect()  # renderers hold contexts of the graphics library
         return root
 
-    def _pack(self, data: BopDataset) -> TrainingImages:
+    def _pack(self, data: BopDataset, folder: Path) -> TrainingImages:
         total = len(data.images())
         images = pack_images(
             data,
-            self._out / PACKED_FOLDER,
+            folder,
             round(self._config.network.image_size * _PACKED_SIDE),
             self._config.network.channels == 4,
             lambda done: self._progress("packed images", done, total, ""),
@@ -215,12 +227,14 @@ class DetectorTraining:
             "training": asdict(config.training),
             "augmentation": asdict(config.augmentation),
             "scenes": asdict(config.scenes),
-            "data": None if config.data is None else str(config.data.resolve()),
+            "data": [str(path.resolve()) for path in config.data] or None,
             "start": None if config.start is None else str(config.start.resolve()),
         }
 
 
-def _sample_size(images: TrainingImages, longer_side: int) -> tuple[int, int]:
+def _sample_size(
+    images: TrainingImages | MixedImages, longer_side: int
+) -> tuple[int, int]:
     """Height and width of samples: the shape of the images, the network's size."""
     height, width = images.size
     factor = longer_side / max(height, width)

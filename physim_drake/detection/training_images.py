@@ -90,6 +90,37 @@ class TrainingImages:
         )
 
 
+class MixedImages:
+    """Several sets of images as one, in which each counts the same.
+
+    A small set comes as often as a large one: image n is one of set n modulo their
+    number, and the images of a small set come several times.
+
+    Args:
+        sets: one or more, none of them empty.
+    """
+
+    def __init__(self, sets: Sequence[TrainingImages]) -> None:
+        self._sets = tuple(sets)
+
+    def __len__(self) -> int:
+        return len(self._sets) * max(len(images) for images in self._sets)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the images of the first set, px."""
+        return self._sets[0].size
+
+    @property
+    def object_ids(self) -> set[int]:
+        """The objects that are seen in any image."""
+        return set().union(*(images.object_ids for images in self._sets))
+
+    def __getitem__(self, index: int) -> LabelledImage:
+        images = self._sets[index % len(self._sets)]
+        return images[index // len(self._sets) % len(images)]
+
+
 def pack_images(
     dataset: BopDataset,
     folder: Path,

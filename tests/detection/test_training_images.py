@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import cv2
@@ -9,10 +10,14 @@ import pytest
 
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection import training_images
-from physim_drake.detection.training_images import label_map, pack_images
+from physim_drake.detection.training_images import (
+    MixedImages,
+    label_map,
+    pack_images,
+)
 from physim_drake.errors import InputError
 from physim_drake.observation import Detection
-from tests.datasets.tiny import HEIGHT, WIDTH, write_tiny
+from tests.datasets.tiny import CAMERA, HEIGHT, WIDTH, write_tiny
 from tests.detection.scenes import square_mask
 
 
@@ -43,6 +48,24 @@ def test_packed_images_are_reduced_but_never_enlarged(
     assert small.size == (4, 6)
     assert small[0].depth is None
     assert pack_images(dataset, tmp_path / "large", 99, False).size == (HEIGHT, WIDTH)
+
+
+def test_sets_of_images_count_the_same(dataset: BopDataset, tmp_path: Path):
+    """A large set beside a small one does not crowd it out."""
+    large = pack_images(dataset, tmp_path / "large", WIDTH, depth=False)
+    (dataset.root / "test/000003/scene_camera.json").write_text(
+        json.dumps({"7": CAMERA})
+    )
+    one = BopDataset(dataset.root)
+    small = pack_images(one, tmp_path / "small", 6, depth=False)
+    mixed = MixedImages([large, small])
+    assert (len(large), len(small), len(mixed)) == (2, 1, 4)
+    assert mixed.size == large.size
+    assert mixed.object_ids == {1, 2}
+    shapes = [mixed[n].labels.shape for n in range(len(mixed))]
+    assert shapes == [large.size, small.size] * 2
+    for n in (0, 1):
+        np.testing.assert_array_equal(mixed[2 * n].labels, large[n].labels)
 
 
 def test_images_are_packed_once(dataset: BopDataset, tmp_path: Path):
