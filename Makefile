@@ -17,6 +17,12 @@ test: setup lint typecheck  ## Check style, types and behaviour, as CI does.
 	@requirements/browser.sh
 	@$(BIN)/pytest -n auto --maxprocesses 4
 
+# Not with --quiet, which would overlook warnings.
+.PHONY: docs
+docs: setup  ## Build the documentation site in build/site; a warning is an error.
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "build/site/index.html"
+
 .PHONY: lint
 lint: setup  ## Check style.
 	@$(BIN)/ruff check .
