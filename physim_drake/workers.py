@@ -8,19 +8,15 @@ order of its arguments, so that what is computed does not depend on how many the
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
+from functools import partial
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from physim_drake.errors import PhysimError
 from physim_drake.hypotheses.generation import (
     HypothesisConfig,
     PoseHypotheses,
@@ -28,6 +24,7 @@ from physim_drake.hypotheses.generation import (
 )
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
+from physim_drake.processes import SupervisedPool, SupervisionConfig
 from physim_drake.rendering.raster import DepthRasterizer
 from physim_drake.scene import Scene
 from physim_drake.search.expansion import Rollout, RolloutResult, SceneExpander
@@ -37,15 +34,19 @@ from physim_drake.search.states import ExpansionConfig, Placement
 
 @dataclass(frozen=True)
 class WorkerConfig:
-    """Settings of the steps that run in workers."""
+    """Settings of the steps that run in workers, and of what is done when one fails."""
 
     hypotheses: HypothesisConfig = field(default_factory=HypothesisConfig)
     expansion: ExpansionConfig = field(default_factory=ExpansionConfig)
     refinement: RefinementConfig = field(default_factory=RefinementConfig)
+    supervision: SupervisionConfig = field(default_factory=SupervisionConfig)
 
 
 class Worker:
     """Computes on one scene at a time.
+
+    What a call gives depends on the scene and its arguments alone, not on earlier
+    calls, so that any worker can make it, and make it again.
 
     Args:
         library: the objects that scenes may hold.
@@ -122,7 +123,7 @@ class WorkerPool:
     Args:
         library: see `Worker`.
         config: see `Worker`.
-        workers: processes; 1 computes in this process.
+        workers: processes; 1 computes in this process, where nothing is retried.
 
     Use it as a context manager, or call `close`.
     """
@@ -131,98 +132,53 @@ class WorkerPool:
         self, library: ObjectLibrary, config: WorkerConfig, workers: int = 1
     ) -> None:
         self._local = Worker(library, config) if workers == 1 else None
-        self._links: list[Connection] = []
-        self._processes: list[multiprocessing.process.BaseProcess] = []
+        self._processes: SupervisedPool | None = None
         if workers > 1:
-            context = multiprocessing.get_context("spawn")
-            for _ in range(workers):
-                ours, theirs = context.Pipe()
-                process = context.Process(
-                    target=_serve, args=(theirs, library, config), daemon=True
-                )
-                process.start()
-                theirs.close()
-                self._links.append(ours)
-                self._processes.append(process)
+            make = partial(_make_worker, library, config)
+            self._processes = SupervisedPool(make, workers, config.supervision)
+
+    @property
+    def pids(self) -> list[int]:
+        """The worker processes at the moment; none where this one computes."""
+        return [] if self._processes is None else self._processes.pids
 
     def set_scene(self, scene: Scene) -> None:
-        """Sends `scene` to every worker."""
-        if self._local:
-            with threadpool_limits(1):
-                self._local.set_scene(scene)
+        """Sends `scene` to every worker.
+
+        Raises:
+            PhysimError: see `map`.
+        """
+        if self._processes is not None:
+            self._processes.setup("set_scene", scene)
             return
-        for link in self._open_links():
-            self._send(link, "set_scene", (scene,))
-        # All replies are fetched before any of them may raise: one left behind would
-        # be taken for the reply to the next call.
-        replies = [self._receive(link) for link in self._links]
-        for reply in replies:
-            _unwrap(reply)
+        with threadpool_limits(1):
+            self._worker.set_scene(scene)
 
     def map(self, method: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Calls a `Worker`'s method once with each tuple of arguments.
+
+        A worker process that dies or hangs is replaced, and its call made again.
 
         Returns:
             the results, in the order of the arguments.
 
         Raises:
-            PhysimError: what a call raised, or that a worker died.
+            PhysimError: what a call raised, or that one was made too often in vain.
         """
-        if self._local:
-            with threadpool_limits(1):
-                return [getattr(self._local, method)(*args) for args in arguments]
-        links = self._open_links()
-        replies: list[tuple[str, Any] | None] = [None] * len(arguments)
-        todo = iter(enumerate(arguments))
-        busy: dict[Connection, int] = {}
-        for link, (index, args) in zip(links, todo, strict=False):
-            self._send(link, method, args)
-            busy[link] = index
-        failed = False
-        while busy:
-            ready: list[Any] = wait(list(busy))
-            for link in ready:
-                reply = replies[busy.pop(link)] = self._receive(link)
-                failed = failed or reply[0] != "result"
-                following = None if failed else next(todo, None)
-                if following is not None:
-                    self._send(link, method, following[1])
-                    busy[link] = following[0]
-        return [_unwrap(reply) for reply in replies if reply is not None]
+        if self._processes is not None:
+            return self._processes.map(method, arguments)
+        with threadpool_limits(1):
+            return [getattr(self._worker, method)(*args) for args in arguments]
 
-    def _open_links(self) -> list[Connection]:
-        if not self._links:
-            raise PhysimError("the worker processes have ended; make a new pool")
-        return self._links
-
-    def _send(self, link: Connection, method: str, args: tuple[Any, ...]) -> None:
-        try:
-            link.send((method, args))
-        except OSError as error:
-            raise self._died() from error
-
-    def _receive(self, link: Connection) -> tuple[str, Any]:
-        try:
-            reply: tuple[str, Any] = link.recv()
-        except (EOFError, OSError) as error:
-            raise self._died() from error
-        return reply
-
-    def _died(self) -> PhysimError:
-        """Ends the others too: replies of theirs may be on their way."""
-        self.close()
-        return PhysimError("a worker process died; see above for why")
+    @property
+    def _worker(self) -> Worker:
+        assert self._local is not None, "there are processes"
+        return self._local
 
     def close(self) -> None:
         """Ends the worker processes."""
-        for link in self._links:
-            link.close()
-        for process in self._processes:
-            process.join(timeout=2.0)
-            if process.is_alive():
-                process.terminate()
-                process.join()
-        self._links, self._processes = [], []
+        if self._processes is not None:
+            self._processes.close()
 
     def __enter__(self) -> WorkerPool:
         return self
@@ -236,35 +192,7 @@ class WorkerPool:
         self.close()
 
 
-def _unwrap(reply: tuple[str, Any]) -> Any:
-    """The result in a reply; raises the error in one."""
-    kind, value = reply
-    if kind == "error":
-        raise value
-    if kind == "crash":
-        raise RuntimeError(f"in a worker:\n{value}")
-    return value
-
-
-def _serve(link: Connection, library: ObjectLibrary, config: WorkerConfig) -> None:
-    """The life of a worker process."""
-    os.environ["OMP_NUM_THREADS"] = "1"
-    worker = Worker(library, config)
-    with threadpool_limits(1):
-        while True:
-            try:
-                method, args = link.recv()
-            except (EOFError, KeyboardInterrupt):
-                return
-            try:
-                reply = ("result", getattr(worker, method)(*args))
-            except PhysimError as error:
-                reply = ("error", error)
-            except KeyboardInterrupt:
-                return
-            except Exception:
-                reply = ("crash", traceback.format_exc())
-            try:
-                link.send(reply)
-            except OSError:  # the pool was closed meanwhile
-                return
+def _make_worker(library: ObjectLibrary, config: WorkerConfig) -> Worker:
+    """A worker in a process of its own, which computes in one thread."""
+    threadpool_limits(1)
+    return Worker(library, config)

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import os
 import pickle
+import signal
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -11,14 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physim_drake.errors import InputError, PhysimError
+from physim_drake.errors import InputError
 from physim_drake.hypotheses.generation import HypothesisConfig
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig
 from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection
 from physim_drake.scene import Scene
 from physim_drake.search.expansion import Rollout
-from physim_drake.workers import WorkerConfig, WorkerPool
+from physim_drake.workers import Worker, WorkerConfig, WorkerPool
 from tests.synthetic import (
     ERASER,
     SOAP,
@@ -28,6 +31,7 @@ from tests.synthetic import (
     stack,
     synthesize,
 )
+from tests.test_processes import alive
 
 CONFIG = WorkerConfig(
     hypotheses=HypothesisConfig(
@@ -148,25 +152,46 @@ def test_a_defect_in_one_call_does_not_mix_up_the_next(two: WorkerPool) -> None:
     assert run_all(two, 4) == before
 
 
-def test_a_dead_worker_is_said_and_does_not_hang() -> None:
+def test_a_worker_that_dies_is_replaced_and_nothing_changes(
+    local: WorkerPool,
+) -> None:
+    """The one that replaces it has the scene, and gives the very same bytes."""
+    expected = run_all(local, 12)
     with WorkerPool(small_library(), CONFIG, 2) as pool:
         pool.set_scene(made().scene())
-        victim = pool._processes[1]
-        victim.kill()
-        victim.join()
-        with pytest.raises(PhysimError, match="worker"):
-            pool.map("rollout", rollouts(4))
-        with pytest.raises(PhysimError, match="worker"):
-            pool.set_scene(made().scene())
-    assert not any(process.is_alive() for process in [victim])
+        before = pool.pids
+        killer = threading.Timer(0.02, os.kill, (before[0], signal.SIGKILL))
+        killer.start()
+        assert run_all(pool, 12) == expected
+        killer.join()
+        os.kill(before[1], signal.SIGKILL)  # idle
+        assert run_all(pool, 12) == expected
+        assert not set(before) & set(pool.pids)
+
+
+def test_a_call_gives_the_same_in_a_fresh_worker_as_in_a_used_one() -> None:
+    """Settlers, models and tables that are kept from call to call change nothing."""
+    used = Worker(small_library(), CONFIG)
+    used.set_scene(made().scene())
+    calls = rollouts(5)
+    first = [used.rollout(*call) for call in calls]
+    used.unrest(dict(enumerate(made().X_SO)))
+    used.hypotheses(0, {}, (1, 2, 3))
+    again = [used.rollout(*call) for call in reversed(calls)][::-1]
+    for call, a, b in zip(calls, first, again, strict=True):
+        fresh = Worker(small_library(), CONFIG)
+        fresh.set_scene(made().scene())
+        c = fresh.rollout(*call)
+        assert a.score == b.score == c.score
+        assert a.poses[0].tobytes() == b.poses[0].tobytes() == c.poses[0].tobytes()
 
 
 def test_close_ends_the_processes() -> None:
     pool = WorkerPool(small_library(), CONFIG, 2)
-    processes = list(pool._processes)
-    assert all(process.is_alive() for process in processes)
+    pids = pool.pids
+    assert all(alive(pid) for pid in pids)
     pool.close()
-    assert not any(process.is_alive() for process in processes)
+    assert not any(alive(pid) for pid in pids)
     pool.close()
 
 
