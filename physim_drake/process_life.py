@@ -39,19 +39,22 @@ class PoolProcess(Generic[Call]):
 
     Args:
         make: what gives its object, pickled.
-        time_limit: neither side waits longer for the rest of a message, s.
+        time_limit: how long it may take to answer a call, s.
+        start_limit: how much longer it may take to answer the first one, s.
 
     Attributes:
         link: to it.
         call: that it is on.
         waited: how long for its answer so far, s.
+        limit: how long it may take, s.
         late: whether it was ended because it took too long.
     """
 
-    def __init__(self, make: bytes, time_limit: float) -> None:
+    def __init__(self, make: bytes, time_limit: float, start_limit: float) -> None:
         context = multiprocessing.get_context("spawn")
         self.link, theirs = context.Pipe()
-        _limit_waiting(self.link, time_limit)
+        self._time_limit = time_limit
+        self._set_limit(time_limit + start_limit)
         # Where the thread that makes the pool may end before it, the kernel must not
         # take that for the end of this process.
         lasting = threading.current_thread() is threading.main_thread()
@@ -96,6 +99,8 @@ class PoolProcess(Generic[Call]):
         except (EOFError, OSError):
             return None
         self.call = None
+        if self.limit != self._time_limit:
+            self._set_limit(self._time_limit)
         return reply
 
     def kill(self) -> None:
@@ -107,7 +112,7 @@ class PoolProcess(Generic[Call]):
         """Waits for its end."""
         self._process.join()
 
-    def autopsy(self, time_limit: float) -> str:
+    def autopsy(self) -> str:
         """How a process ended that answers no more; is sure to have ended then."""
         if not self.late:
             self._process.join(1.0)  # its link breaks a little before its end
@@ -115,10 +120,14 @@ class PoolProcess(Generic[Call]):
         self.join()
         code = self._process.exitcode or 0
         if self.late:
-            return f"no answer for {time_limit:g} s"
+            return f"no answer for {self.limit:g} s"
         if code < 0:
             return f"signal {-code} ({signal.strsignal(-code)})"
         return f"exit status {code}"
+
+    def _set_limit(self, seconds: float) -> None:
+        self.limit = seconds
+        _limit_waiting(self.link, seconds)
 
     def _send(self, kind: str, data: bytes) -> None:
         # Where it is dead or does not read, that shows in the reply that is missing.
@@ -197,7 +206,7 @@ def _wait_for_parent() -> None:
 
 
 def _limit_waiting(link: Connection, seconds: float) -> None:
-    """Ends reads and writes of half messages, where the other side has stopped."""
+    """Has reads and writes of half a message fail, where the other side has stopped."""
     limit = struct.pack("ll", int(seconds), int(seconds % 1 * 1e6))
     with suppress(OSError), socket.socket(fileno=socket.dup(link.fileno())) as end:
         end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)

@@ -35,16 +35,19 @@ class SupervisionConfig:
     Attributes:
         retries: a call whose process died is made again at most so often.
         time_limit: a process that answers no call for so long is ended, which counts
-            as a death, s. Starting it and making its object are part of its first
-            call; the first run of all compiles for up to a minute.
+            as a death, s. Far longer than any call takes: the first run of all may
+            compile for a minute, on a computer that has much else to do.
+        start_limit: as much longer may its first answer take, since starting it and
+            making its object come before, s.
     """
 
     retries: int = 2
     time_limit: float = 300.0
+    start_limit: float = 300.0
 
     def __post_init__(self) -> None:
-        if self.retries < 0 or not self.time_limit > 0:
-            raise ValueError(f"retries and time_limit cannot be those of {self}")
+        if self.retries < 0 or not (self.time_limit > 0 and self.start_limit >= 0):
+            raise ValueError(f"must not be negative: {self}")
 
 
 @dataclass
@@ -172,7 +175,7 @@ class SupervisedPool:
             process.waited += passed
             if link in ready:
                 yield process, call, process.receive()
-            elif process.waited > self._config.time_limit:
+            elif process.waited > process.limit:
                 process.late = True
                 yield process, call, None
 
@@ -181,7 +184,7 @@ class SupervisedPool:
     ) -> None:
         """Takes note of a death; the call is made again, unless that is too often."""
         self._processes.remove(process)
-        call.deaths.append(process.autopsy(self._config.time_limit))
+        call.deaths.append(process.autopsy())
         name, times = call.method or "setup", len(call.deaths)
         if times > self._config.retries:
             raise PhysimError(
@@ -197,7 +200,8 @@ class SupervisedPool:
         todo.appendleft(call)
 
     def _start(self) -> PoolProcess[_Call]:
-        return PoolProcess(self._make, self._config.time_limit)
+        config = self._config
+        return PoolProcess(self._make, config.time_limit, config.start_limit)
 
     def _kill(self) -> None:
         for process in self._processes:
