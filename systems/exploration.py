@@ -4,14 +4,20 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
-from physim_drake.datasets.bop_writer import BopImage
+from physim_drake.datasets.bop_writer import (
+    BopImage,
+    write_bop_models,
+    write_json,
+)
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.multiview import AgreedObject, EstimatedView
 from physim_drake.detection.projection import ObjectArea, project_objects
@@ -19,10 +25,13 @@ from physim_drake.detection.self_learning import (
     LabelledScene,
     SceneLearner,
     SelfLearningConfig,
+    write_labelled_scene,
 )
 from physim_drake.errors import InputError
 from physim_drake.estimate import SceneEstimate
 from physim_drake.estimation import PoseEstimator
+from physim_drake.files import cannot_write, make_folder
+from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
 from physim_drake.picking.known_scene import NOTHING_KNOWN, merged
@@ -30,11 +39,14 @@ from physim_drake.picking.looking import LookingConditions, looking_postures
 from physim_drake.picking.scenario import PickScenario
 from physim_drake.picking.start import PlacedModel, check_objects, draw_start
 from physim_drake.poses import Array, inverse
+from physim_drake.scenes.dataset import SPLIT
 from physim_drake.scenes.generation import write_models
 from physim_drake.systems.camera_source import LabelImage
 from physim_drake.systems.detector import DetectionAlgorithm
 from physim_drake.systems.looking_cell import LookingCell
 from physim_drake.systems.pick_cell import perception_config
+
+LEARNING_FILE = "learning.json"
 
 _AROUND = 0.05  # m, by which the area that may hold objects exceeds the pick area
 _SEEN = 0.25  # of an object that a test image shows
@@ -205,6 +217,86 @@ class Explorer:
             whole[shown],
             visible[shown],
         )
+
+
+def explore_scenes(
+    explorer: Explorer,
+    detector: DetectionAlgorithm,
+    out: Path,
+    scenes: int,
+    progress: Callable[[int, LabelledScene], None] = lambda number, scene: None,
+) -> dict[str, Any]:
+    """Looks at scenes and writes the labelled views as a dataset in BOP layout.
+
+    Args:
+        explorer: that looks.
+        detector: finds objects in images.
+        out: the dataset's folder; is made, and must be empty.
+        scenes: how many.
+        progress: is told what came of each scene.
+
+    Returns:
+        the figures that `learning.json` in the folder holds, too.
+
+    Raises:
+        InputError: where no scene can be drawn, or files cannot be written.
+    """
+    with _new_dataset(out, explorer.library) as split:
+        facts = []
+        for number in range(scenes):
+            scene = explorer.explore(number, detector)
+            if scene.images:
+                write_labelled_scene(split, number + 1, scene.images, explorer.library)
+            facts.append(
+                {
+                    "scene": number + 1,
+                    "objects": [o.object_id for o in scene.objects],
+                    "images": len(scene.images),
+                    "labels": scene.labels,
+                    "missed": scene.missed,
+                }
+            )
+            progress(number, scene)
+        figures: dict[str, Any] = {
+            "images": sum(f["images"] for f in facts),
+            "labels": sum(f["labels"] for f in facts),
+            "missed": sum(f["missed"] for f in facts),
+            "scenes": facts,
+        }
+        write_json(out / LEARNING_FILE, figures)
+    return figures
+
+
+def write_judged_scenes(explorer: Explorer, out: Path, scenes: int) -> None:
+    """Looks at scenes and writes the views with true labels, to judge detectors by.
+
+    Args:
+        explorer: that looks.
+        out: the dataset's folder; is made, and must be empty.
+        scenes: how many.
+
+    Raises:
+        InputError: where no scene can be drawn, or files cannot be written.
+    """
+    with _new_dataset(out, explorer.library) as split:
+        for number in range(scenes):
+            images = explorer.judged(number)
+            if images:
+                write_labelled_scene(split, number + 1, images, explorer.library)
+
+
+@contextmanager
+def _new_dataset(out: Path, library: ObjectLibrary) -> Iterator[Path]:
+    """A dataset with models; gives the folder for its scenes."""
+    make_folder(out)
+    if any(out.iterdir()):
+        raise InputError(out, "is not empty", "choose a new folder")
+    try:
+        write_bop_models(out / "models", library)
+        make_folder(out / SPLIT)
+        yield out / SPLIT
+    except OSError as error:
+        raise cannot_write(out, error) from error
 
 
 class NetworkAlgorithm:

@@ -19,11 +19,15 @@ from physim_drake.cli.estimate import EstimateCommand, estimate
 from physim_drake.cli.evaluate import evaluate
 from physim_drake.cli.explain import explain
 from physim_drake.cli.generate import generate
+from physim_drake.cli.interrupts import Interrupts
+from physim_drake.cli.learn import learn
 from physim_drake.cli.models import models_app
 from physim_drake.cli.pick import pick
 from physim_drake.cli.report import report
 from physim_drake.cli.train import train
 from physim_drake.errors import PhysimError
+
+_INTERRUPTED = 130
 
 app = typer.Typer(
     name="physim-drake",
@@ -40,6 +44,7 @@ app.command()(explain)
 app.command()(generate)
 app.command()(train)
 app.command()(detect)
+app.command()(learn)
 app.command()(pick)
 app.command()(doctor)
 app.add_typer(models_app, name="models")
@@ -67,12 +72,28 @@ def _options(
 
 
 def main() -> None:
-    """Runs the program; an error a user can cause is one line, with exit status 2."""
-    try:
-        app()
-    except PhysimError as error:
-        message = " ".join(str(error).split())
-        print(f"error: {message}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    """Runs the program.
+
+    An error that a user can cause is one line, with exit status 2; Ctrl-C and SIGTERM
+    stop it with one line, too, and exit status 130 or 143.
+    """
+    with Interrupts(next(iter(sys.argv[1:]), "")) as interrupts:
+        try:
+            app()
+        except PhysimError as error:
+            if interrupts.number is None:
+                message = " ".join(str(error).split())
+                print(f"error: {message}", file=sys.stderr)
+                sys.exit(2)
+        except KeyboardInterrupt:
+            pass
+        except SystemExit as end:
+            # Typer makes this of an interrupt.
+            if interrupts.number is None and end.code != _INTERRUPTED:
+                raise
+        except Exception:
+            # An interrupt in an import, for instance, may come out as another error.
+            if interrupts.number is None:
+                raise
+        interrupts.say()
+        sys.exit(interrupts.status)

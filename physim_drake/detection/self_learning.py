@@ -62,7 +62,7 @@ class SelfLearningConfig:
     min_score: float = 0.3
     max_overlap: float = 0.7
     agreement: AgreementConfig = field(default_factory=AgreementConfig)
-    margin: float = 0.012
+    margin: float = 0.008
     max_refuted: float = 0.15
     min_pixels: int = 100
 
@@ -186,7 +186,7 @@ def box_overlap(one: Array, other: Array) -> float:
 
 
 def write_labelled_scene(
-    split: Path, scene_id: int, scene: LabelledScene, library: ObjectLibrary
+    split: Path, scene_id: int, images: Sequence[BopImage], library: ObjectLibrary
 ) -> None:
     """Writes the images of a scene below `split` in BOP layout, whole or not at all.
 
@@ -197,7 +197,7 @@ def write_labelled_scene(
     scratch = split / f".{target.name}.{secrets.token_hex(4)}.tmp"
     names = {object_id: library[object_id].name for object_id in library}
     try:
-        write_bop_scene(scratch, scene.images, names)
+        write_bop_scene(scratch, images, names)
         os.rename(scratch, target)
     except OSError as error:
         raise cannot_write(target, error) from error

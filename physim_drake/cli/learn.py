@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""`physim-drake learn`: let the robot label what its detector missed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from physim_drake.cli.options import Quiet
+from physim_drake.models import APC11, DETECTOR
+
+
+def learn(
+    out: Annotated[
+        Path, typer.Argument(help="Folder of the dataset.", show_default=False)
+    ],
+    weights: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="What physim-drake train wrote.",
+            show_default="those of apc11",
+        ),
+    ] = DETECTOR,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="The cell and its objects, as for pick.",
+            show_default="all of apc11 on the table",
+        ),
+    ] = None,
+    conditions: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Lights and camera: a YAML file.",
+            show_default="the cell's",
+        ),
+    ] = None,
+    scenes: Annotated[int, typer.Option(min=1, help="Scenes to look at.")] = 40,
+    views: Annotated[int, typer.Option(min=2, help="Views of each.")] = 5,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes that estimate; by default one a core."),
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="CPU threads of the network.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Look at scenes with the robot's camera, and label what the detector missed.
+
+    The simulated robot looks at each scene from several sides. Poses that two views or
+    more agree on are certain; drawn into all views, they are labels, also where the
+    detector saw nothing. OUT gets the labelled views, in BOP layout, for
+    `train --data OUT --start WEIGHTS`.
+
+    Example: `physim-drake learn out/learnt --conditions examples/scenarios/dim.yaml`
+    """
+    import logging
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from physim_drake.cli.estimate import default_workers
+    from physim_drake.detection.detector import NetworkDetector
+    from physim_drake.detection.self_learning import LabelledScene
+    from physim_drake.picking.looking import LookingConditions
+    from physim_drake.picking.scenario import (
+        ObjectsConfig,
+        PickScenario,
+        load_scenario,
+    )
+    from physim_drake.systems.exploration import (
+        ExplorationConfig,
+        Explorer,
+        NetworkAlgorithm,
+        explore_scenes,
+    )
+    from physim_drake.typed_yaml import load_typed_yaml
+
+    logging.getLogger("drake").setLevel(logging.ERROR)
+    cell = PickScenario(objects=ObjectsConfig(library=str(APC11), count=(3, 4)))
+    if scenario is not None:
+        cell = load_scenario(scenario)
+    how = LookingConditions()
+    if conditions is not None:
+        how = load_typed_yaml(conditions, LookingConditions)
+    detector = NetworkDetector.load(weights, threads)
+    config = ExplorationConfig(views, workers or default_workers(), seed)
+    console = Console(stderr=True, quiet=quiet)
+    with Explorer(cell, how, config) as explorer, Progress(console=console) as bar:
+        names = {i: model.name for i, model in explorer.library.items()}
+        detector.check_objects(names, explorer.library.source)
+        task = bar.add_task("scenes", total=scenes)
+
+        def show(number: int, scene: LabelledScene) -> None:
+            bar.update(task, completed=number + 1)
+
+        algorithm = NetworkAlgorithm(detector)
+        figures = explore_scenes(explorer, algorithm, out, scenes, show)
+    typer.echo(
+        f"{out}: {figures['images']} images with {figures['labels']} labels, "
+        f"{figures['missed']} of objects that the detector had missed"
+    )
