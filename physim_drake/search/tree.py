@@ -30,6 +30,7 @@ class SearchConfig:
 
     Attributes:
         expansions: no round begins after this many expansions of a group.
+        patience: nor after this many for each of its objects without a better state.
         time_limit: seconds a group; none by default, since it ends reproducibility.
         exploration: the UCB constant alpha, in pixels.
         rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
@@ -38,6 +39,7 @@ class SearchConfig:
     """
 
     expansions: int = 250
+    patience: float = 30
     time_limit: float = math.inf
     exploration: float = 5000.0
     rollout: Literal["random", "best_lcp"] = "random"
@@ -131,6 +133,7 @@ class GroupSearch:
         self._scores: dict[Path, int] = {}
         self._trace: list[TracePoint] = []
         self._best = -1
+        self._risen = 0  # expansions when the best score last rose
         self.expansions = 0
 
     @property
@@ -140,9 +143,10 @@ class GroupSearch:
 
     @property
     def spent(self) -> bool:
-        """Whether the budget is used up."""
+        """Whether the budget or the patience is used up."""
         return (
             self.expansions >= self.config.expansions
+            or self.expansions - self._risen > self.config.patience * self.depth
             or self._clock() - self._start > self.config.time_limit
         )
 
@@ -160,7 +164,7 @@ class GroupSearch:
                 self._poses[path[: known + n + 1]] = X_SO
             self._scores[path] = result.score
             if result.score > self._best:
-                self._best = result.score
+                self._best, self._risen = result.score, self.expansions
                 self._record(path)
         return [self._scores[path] for path in paths]
 

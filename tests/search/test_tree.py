@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import count, product
 
@@ -72,7 +73,8 @@ def search_with(
     clock: Callable[[], float] | None = None,
     **settings: float | str,
 ) -> SearchResult:
-    config = SearchConfig(**{"exploration": 300.0, **settings})  # type: ignore[arg-type]
+    plain = {"exploration": 300.0, "patience": math.inf}
+    config = SearchConfig(**{**plain, **settings})  # type: ignore[arg-type]
     ticks = count()
     clock = clock or (lambda: float(next(ticks)))
     return method(GroupSearch(ORDER, hypotheses(), run, config, clock))
@@ -114,6 +116,21 @@ def test_more_exploration_spreads_the_tries() -> None:
         search_with(table, uct(), expansions=60, exploration=exploration)
         spread.append(np.std(np.bincount([p[0] for p in table.paths], minlength=6)))
     assert spread[1] < spread[0]
+
+
+@pytest.mark.parametrize("method", [uct(), heuristic_search])
+def test_a_search_ends_where_nothing_better_was_found_for_long(
+    method: Callable[[GroupSearch], SearchResult],
+) -> None:
+    table = Table(additive(0))
+    unlimited = search_with(table, method, expansions=10**9)
+    short = search_with(Table(additive(0)), method, expansions=10**9, patience=8)
+    waits = np.diff([0, *(p.expansion for p in short.trace), short.expansions])
+    assert waits[-1] > 8 * len(ORDER)  # since the last better state
+    assert (waits[:-1] <= 8 * len(ORDER) + 4 * len(ORDER)).all()  # one round more
+    assert short.expansions < unlimited.expansions
+    shared = len(short.trace)
+    assert [p.score for p in short.trace] == [p.score for p in unlimited.trace[:shared]]
 
 
 @pytest.mark.parametrize("method", [uct(), heuristic_search])

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: MIT
+"""The ways to estimate a scene, and everything that can be set about them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from physim_drake.search.tree import SearchConfig
+from physim_drake.workers import WorkerConfig
+
+
+class Method(StrEnum):
+    """The ways to estimate a scene.
+
+    The first two search over the scene with physics and refine it; the others take
+    each object alone. The last two do the same; but the segments of the last are those
+    of a fully convolutional network, wherever a method chooses its detections.
+    """
+
+    PHYSIM_MCTS = "physim-mcts"
+    PHYSIM_HEURISTIC = "physim-heuristic"
+    SUPER4PCS_ICP = "super4pcs-icp"
+    PCA_ICP = "pca-icp"
+    FCN_PCA_ICP = "fcn-pca-icp"
+
+    @property
+    def searches(self) -> bool:
+        """Whether it looks at all objects together."""
+        return self in (Method.PHYSIM_MCTS, Method.PHYSIM_HEURISTIC)
+
+    @property
+    def makes_hypotheses(self) -> bool:
+        """Whether it makes pose hypotheses; if not, it takes principal axes."""
+        return self not in (Method.PCA_ICP, Method.FCN_PCA_ICP)
+
+
+@dataclass(frozen=True)
+class EstimationConfig:
+    """Everything that can be set about an estimate.
+
+    Attributes:
+        method: how.
+        seed: of all random choices.
+        workers: processes; the result does not depend on it.
+        search: budget and constants of the tree search.
+        steps: settings of the steps that run in workers.
+        min_segment_points: an object with fewer points is reported as not found.
+        tie: refined states whose fine costs differ by less than this share explain
+            the image equally well; the one nearest to rest is taken.
+        promising: a state with an object turned over is refined where its fine cost
+            exceeds the best state's by less than this share.
+        rounds: a group is searched at most this often, with new hypotheses for
+            objects that the image does not confirm; 1 is the paper's way.
+        confirmed: the confidence from which on an object is.
+        trusted: an object of less confidence takes no points from another's new
+            hypotheses: where all are wrong together, all begin anew.
+    """
+
+    method: Method = Method.PHYSIM_MCTS
+    seed: int = 0
+    workers: int = 1
+    search: SearchConfig = field(default_factory=SearchConfig)
+    steps: WorkerConfig = field(default_factory=WorkerConfig)
+    min_segment_points: int = 30
+    tie: float = 0.01
+    promising: float = 0.1
+    rounds: int = 3
+    confirmed: float = 0.93
+    trusted: float = 0.7
+
+    @classmethod
+    def paper(cls) -> EstimationConfig:
+        """The paper's plain search: all of its expansions, one round."""
+        return cls(search=SearchConfig(patience=math.inf), rounds=1)
+
+    def with_budget(self, expansions: int, representatives: int) -> EstimationConfig:
+        """The same with other sizes of the search and of the hypotheses' sets."""
+        steps = self.steps
+        clustering = replace(
+            steps.hypotheses.clustering, representatives=representatives
+        )
+        hypotheses = replace(steps.hypotheses, clustering=clustering)
+        return replace(
+            self,
+            search=replace(self.search, expansions=expansions),
+            steps=replace(steps, hypotheses=hypotheses),
+        )

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: MIT
+"""From hypotheses to the best refined state of a scene, group by independent group.
+
+Each group is searched, its best states are refined and compared on every pixel, and
+what the image then does not confirm is searched again with new hypotheses.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from physim_drake.estimate import SearchTrace
+from physim_drake.estimation_config import EstimationConfig, Method
+from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.poses import Array
+from physim_drake.scene import Scene
+from physim_drake.search.dependency import dependency_graph
+from physim_drake.search.expansion import Rollout, RolloutResult
+from physim_drake.search.states import Placement
+from physim_drake.search.tree import (
+    GroupSearch,
+    SearchResult,
+    heuristic_search,
+    monte_carlo_tree_search,
+)
+from physim_drake.workers import WorkerPool
+
+
+class StageClock:
+    """Seconds spent in each stage."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, float] = {}
+        self._last = time.monotonic()
+
+    def lap(self, stage: str) -> None:
+        """Books the time since the last lap under `stage`."""
+        now = time.monotonic()
+        self.stages[stage] = self.stages.get(stage, 0.0) + now - self._last
+        self._last = now
+
+
+class SceneSearch:
+    """Searches one scene.
+
+    Args:
+        scene: the scene, which the pool's workers have already.
+        pool: does the computing.
+        config: of the search.
+        clock: is told which stage takes how long.
+
+    Attributes:
+        trace: the anytime curve of each search of a group.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        pool: WorkerPool,
+        config: EstimationConfig,
+        clock: StageClock,
+    ) -> None:
+        self._scene, self._pool = scene, pool
+        self._config, self._clock = config, clock
+        self.trace: list[SearchTrace] = []
+
+    def run(self, found: Mapping[int, PoseHypotheses]) -> dict[int, Array]:
+        """The best state of the scene.
+
+        Args:
+            found: hypotheses of the objects, by their index in the scene.
+
+        Returns:
+            X_SO of each of these objects.
+        """
+        placed: dict[int, Array] = {}
+        scene = self._scene
+        groups = dependency_graph(scene.segments, scene.X_CS).components
+        for component in groups:
+            order = tuple(k for k in component if k in found)
+            if order:
+                hypotheses = {k: found[k].poses for k in order}
+                placed |= self._search_group(order, hypotheses)
+        if len(groups) > 1 and placed:
+            placed = self._pool.map("refine", [(placed,)])[0][0]
+        self._clock.lap("refinement")
+        return placed
+
+    def _search_group(
+        self, order: Sequence[int], hypotheses: dict[int, Array]
+    ) -> dict[int, Array]:
+        """The best refined state of one group.
+
+        An object that the image does not confirm gets new hypotheses, from those of
+        its points that better confirmed objects do not explain, and the group is
+        searched again with these, best confirmed objects first; the confirmed ones
+        keep their poses.
+        """
+        best: dict[int, Array] = {}
+        best_cost = math.inf
+        for number in range(self._config.rounds):
+            result = self._run_search(order, hypotheses, number)
+            self._clock.lap("search")
+            self.trace.append(SearchTrace.of(result, self._scene))
+            states = [
+                dict(zip(result.order, state.poses, strict=True))
+                for state in result.states
+            ]
+            refined = self._pool.map("refine", [(state,) for state in states])
+            self._clock.lap("refinement")
+            state, cost = self._turned_over(*self._most_plausible(refined))
+            if cost < best_cost:
+                best, best_cost = state, cost
+            confidence = self._pool.map("confidences", [(best,)])[0]
+            doubtful = [k for k in order if confidence[k] < self._config.confirmed]
+            if not doubtful or number + 1 == self._config.rounds:
+                break
+            order = sorted(order, key=lambda k: -confidence[k])
+            again = make_hypotheses(
+                self._pool,
+                self._config,
+                [
+                    (
+                        k,
+                        {
+                            j: best[j]
+                            for j in order
+                            if confidence[j] > max(confidence[k], self._config.trusted)
+                        },
+                    )
+                    for k in doubtful
+                ],
+                number + 1,
+            )
+            self._clock.lap("hypotheses")
+            hypotheses = {
+                k: np.concatenate([best[k][None], again[k].poses])
+                if k in again
+                else best[k][None]
+                for k in order
+            }
+        return best
+
+    def _most_plausible(
+        self, refined: Sequence[tuple[dict[int, Array], float]]
+    ) -> tuple[dict[int, Array], float]:
+        """The state of least fine cost; physics decides where that hardly differs.
+
+        What hides of an object may fit the image in several ways, but not all of them
+        carry what lies on it.
+        """
+        least = min(cost for _, cost in refined)
+        tied = [r for r in refined if r[1] <= least * (1 + self._config.tie)]
+        if len(tied) == 1:
+            return tied[0]
+        unrest = self._pool.map("unrest", [(state,) for state, _ in tied])
+        return tied[int(np.argmin(unrest))]
+
+    def _turned_over(
+        self, state: dict[int, Array], cost: float
+    ) -> tuple[dict[int, Array], float]:
+        """The state with objects turned over where that explains the image better.
+
+        One at a time, as long as the fine cost falls by more than a tie's share.
+        """
+        while True:
+            found = self._pool.map("turned", [(state, k) for k in state])
+            promising = [
+                turned
+                for turned, turned_cost in itertools.chain.from_iterable(found)
+                if turned_cost < cost * (1 + self._config.promising)
+            ]
+            refined = self._pool.map("refine", [(turned,) for turned in promising])
+            least = min(refined, key=lambda r: r[1], default=(state, cost))
+            if least[1] >= cost * (1 - self._config.tie):
+                return state, cost
+            state, cost = least
+
+    def _run_search(
+        self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int
+    ) -> SearchResult:
+        def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+            return self._pool.map("rollout", [(rollout,) for rollout in rollouts])
+
+        search = GroupSearch(
+            order, [hypotheses[k] for k in order], run, self._config.search
+        )
+        if self._config.method is Method.PHYSIM_HEURISTIC:
+            return heuristic_search(search)
+        generator = np.random.default_rng([self._config.seed, number, *order])
+        return monte_carlo_tree_search(search, generator)
+
+
+def make_hypotheses(
+    pool: WorkerPool,
+    config: EstimationConfig,
+    requests: Sequence[tuple[int, Placement]],
+    number: int,
+) -> dict[int, PoseHypotheses]:
+    """Hypotheses of objects, from their points less what others explain.
+
+    Args:
+        pool: does the computing.
+        config: gives the seed.
+        requests: index of each object, and the poses of the others.
+        number: of the round; each draws other random numbers.
+
+    Returns:
+        those of objects that any pose fits.
+    """
+    found = pool.map(
+        "hypotheses",
+        [(k, others, (config.seed, number, k)) for k, others in requests],
+    )
+    return {k: h for (k, _), h in zip(requests, found, strict=True) if len(h.X_SO)}
