@@ -203,7 +203,7 @@ def _check_size(path: Path, vertices: Array, unit: float) -> None:
     if _DIAMETERS[0] <= size <= _DIAMETERS[1]:
         return
     used = min(_UNITS, key=lambda name: abs(_UNITS[name] - unit))
-    in_unit = size / unit
+    in_unit = max(size / unit, 1e-9)
     likely = min(
         _UNITS, key=lambda name: abs(np.log(in_unit * _UNITS[name] / _TYPICAL_SIZE))
     )

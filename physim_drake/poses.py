@@ -75,6 +75,7 @@ def is_rotation(R: Array, tolerance: float = 1e-3) -> bool:
     """Whether `R` (3, 3) is finite, orthonormal and right-handed within tolerance."""
     return bool(
         np.isfinite(R).all()
+        and np.abs(R).max() < 2  # so that the product cannot overflow
         and np.abs(R @ R.T - np.eye(3)).max() < tolerance
         and np.linalg.det(R) > 0
     )

@@ -85,8 +85,13 @@ def load_weights(path: Path) -> Weights:
     metadata, tensors = read_safetensors(path, _REMEDY)
     config, classes = read_description(path, metadata)
     # Shapes alone first: a few hundred bytes can describe a network of terabytes.
-    with torch.device("meta"):
-        expected = make_network(config, len(classes)).state_dict()
+    try:
+        with torch.device("meta"):
+            expected = make_network(config, len(classes)).state_dict()
+    except (ValueError, ArithmeticError, RuntimeError) as error:
+        raise InputError(
+            path, f"describes no network ({error})", _REMEDY, "metadata"
+        ) from None
     for name, value in expected.items():
         found = tensors.get(name)
         if found is None or found.shape != value.shape:
