@@ -41,7 +41,7 @@ def generate(
         typer.Option(
             metavar="LIST",
             help="Interaction levels of the scenes, in turn: 1 independent objects, "
-            "2 two that touch, 3 three.",
+            "2 two that touch, 3 three, more a pile of so many.",
         ),
     ] = "1,2,3",
     objects: Annotated[
@@ -125,8 +125,10 @@ def generate(
 
 
 def _levels(text: str) -> tuple[int, ...]:
-    if not re.fullmatch(r"[1-3](,[1-3])*", text):
-        raise InputError("--levels", f"is {text!r}", "give some of 1,2,3")
+    if not re.fullmatch(r"[1-9]\d?(,[1-9]\d?)*", text, re.ASCII):
+        raise InputError(
+            "--levels", f"is {text!r}", "give some of 1,2,3, or more for a pile"
+        )
     return tuple(int(level) for level in text.split(","))
 
 

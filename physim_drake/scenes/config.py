@@ -57,12 +57,15 @@ class SceneConfig:
     """One scene to generate.
 
     Attributes:
-        level: the highest interaction level in the scene, 1 to 3.
+        level: the highest interaction level in the scene, 1 to 3; a larger number
+            asks for a pile of so many objects, a few of which may roll off.
         min_objects: fewest objects.
         max_objects: most objects.
         container: what they stand on or in.
         max_tries: a scene that does not settle as asked is drawn again, this often.
         settling: how it comes to rest.
+        repeats: objects occur again once all of the library are in the scene; without
+            it, no more can be asked for than there are.
     """
 
     level: int = 1
@@ -71,3 +74,4 @@ class SceneConfig:
     container: ContainerName = ContainerName.TABLE
     max_tries: int = 100
     settling: SettlingConfig = SettlingConfig()
+    repeats: bool = False

@@ -31,11 +31,20 @@ def contact_edges(distances: Mapping[Pair, float], touching: float) -> tuple[Pai
 
 def interaction_levels(count: int, edges: Iterable[Pair]) -> tuple[int, ...]:
     """The level of each of `count` objects, 1 to `MAX_LEVEL`."""
-    graph = nx.Graph(edges)
-    graph.add_nodes_from(range(count))
     levels = {
-        node: min(len(component), MAX_LEVEL)
-        for component in nx.connected_components(graph)
-        for node in component
+        node: min(len(group), MAX_LEVEL)
+        for group in _groups(count, edges)
+        for node in group
     }
     return tuple(levels[node] for node in range(count))
+
+
+def largest_group(count: int, edges: Iterable[Pair]) -> int:
+    """How many of `count` objects the largest connected component holds."""
+    return max(map(len, _groups(count, edges)))
+
+
+def _groups(count: int, edges: Iterable[Pair]) -> list[set[int]]:
+    graph = nx.Graph(edges)
+    graph.add_nodes_from(range(count))
+    return list(nx.connected_components(graph))

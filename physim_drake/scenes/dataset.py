@@ -10,15 +10,11 @@ folders, and a resumed one makes the rest.
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import shutil
-import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +22,10 @@ from threadpoolctl import threadpool_limits
 
 from physim_drake.datasets.bop_writer import write_bop_models, write_json
 from physim_drake.datasets.json_nodes import read_json
-from physim_drake.errors import InputError, PhysimError
+from physim_drake.errors import InputError
 from physim_drake.files import cannot_write, write_atomically
 from physim_drake.objects import ObjectLibrary
+from physim_drake.processes import SupervisedPool, SupervisionConfig
 from physim_drake.scenes.containers import ContainerName, load_container
 from physim_drake.scenes.directives import PACKAGE_XML
 from physim_drake.scenes.generation import check_scene_config, write_models
@@ -41,6 +38,9 @@ from physim_drake.scenes.recording import (
 
 SPLIT = "test"
 STATE_FILE = "generation.json"
+# A scene takes seconds and a view less than one; a process that takes so much longer
+# hangs, s.
+_SCENE_LIMIT, _VIEW_LIMIT = 600.0, 30.0
 Progress = Callable[[int], None]
 
 
@@ -126,11 +126,12 @@ def _begin(root: Path, settings: dict[str, Any], resume: bool) -> None:
             raise InputError(
                 root, f"holds no {STATE_FILE}", "choose a folder made by generate"
             )
-    for path in [*root.glob(".*.tmp"), *(root / SPLIT).glob(".*.tmp")]:
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-    (root / SPLIT).mkdir(exist_ok=True)
+    for folder in (root, root / SPLIT):
+        _remove_scratch(folder)
     if not state.exists():
+        # First, since without it what follows could not be told from other files.
         _write_state(root, settings, complete=False)
+    (root / SPLIT).mkdir(exist_ok=True)
 
 
 def _write_state(root: Path, settings: dict[str, Any], *, complete: bool) -> None:
@@ -160,6 +161,35 @@ def _write_models(root: Path, library: ObjectLibrary) -> dict[int, Path]:
     return files
 
 
+class SceneMaker:
+    """Makes the scenes of one dataset.
+
+    Args:
+        split: folder of the scenes.
+        library: the objects to draw from.
+        config: the scenes.
+        model_files: Drake models of the objects.
+    """
+
+    def __init__(
+        self,
+        split: Path,
+        library: ObjectLibrary,
+        config: DatasetConfig,
+        model_files: Mapping[int, Path],
+    ) -> None:
+        self._split, self._library = split, library
+        self._config, self._model_files = config, model_files
+        threadpool_limits(1)
+
+    def make(self, scene_id: int) -> None:
+        """Makes a scene, unless a process that died right afterwards has."""
+        if not (self._split / f"{scene_id:06d}").is_dir():
+            write_scene(
+                self._split, self._library, self._config, scene_id, self._model_files
+            )
+
+
 def _run(
     split: Path,
     library: ObjectLibrary,
@@ -171,53 +201,28 @@ def _run(
     done: int,
 ) -> None:
     """Makes the scenes `todo`."""
+    maker = partial(SceneMaker, split, library, config, model_files)
     if workers == 1:
         with threadpool_limits(1):
+            here = maker()
             for n, scene_id in enumerate(todo, start=done + 1):
-                write_scene(split, library, config, scene_id, model_files)
+                here.make(scene_id)
                 progress(n)
         return
-    pool = ProcessPoolExecutor(
-        workers,
-        multiprocessing.get_context("spawn"),
-        _start_worker,
-        (split, library, config, model_files),
-    )
+    limits = SupervisionConfig(time_limit=_SCENE_LIMIT + _VIEW_LIMIT * config.views)
     try:
-        futures: list[Future[None]] = [pool.submit(_work, n) for n in todo]
-        for n, future in enumerate(as_completed(futures), start=done + 1):
-            future.result()
-            progress(n)
-    except BrokenProcessPool as error:
-        raise PhysimError("a worker process died; start again with --resume") from error
+        with SupervisedPool(maker, min(workers, max(len(todo), 1)), limits) as pool:
+            made = pool.stream("make", [(scene_id,) for scene_id in todo])
+            for n, _ in enumerate(made, start=done + 1):
+                progress(n)
     finally:
-        pool.shutdown(cancel_futures=True)
+        _remove_scratch(split)  # of processes that were ended
 
 
-_task: tuple[Any, ...] = ()
-
-
-def _start_worker(*task: Any) -> None:
-    """Keeps what all scenes of this process share."""
-    global _task
-    _task = task
-    threadpool_limits(1)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
-
-
-def _die_with_parent() -> None:
-    """Ends this process with its parent, which may be killed without a word."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _work(scene_id: int) -> None:
-    split, library, config, model_files = _task
-    # Ctrl-C reaches every process; the parent alone speaks of it.
-    with suppress(KeyboardInterrupt):
-        write_scene(split, library, config, scene_id, model_files)
+def _remove_scratch(folder: Path) -> None:
+    """Removes what was being written when a run was cut off."""
+    for path in folder.glob(".*.tmp"):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def _finish(root: Path, settings: dict[str, Any], scenes: int) -> None:

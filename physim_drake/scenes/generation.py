@@ -6,7 +6,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,13 @@ from physim_drake.drake_export import write_drake_model
 from physim_drake.errors import InputError, PhysimError
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
-from physim_drake.scenes.config import SceneConfig
+from physim_drake.scenes.config import SceneConfig, SettlingConfig
 from physim_drake.scenes.contact_graph import (
+    MAX_LEVEL,
     Pair,
     contact_edges,
     interaction_levels,
+    largest_group,
 )
 from physim_drake.scenes.containers import (
     Container,
@@ -30,6 +32,9 @@ from physim_drake.scenes.placement import NotPlacedError, Placer
 from physim_drake.scenes.plant import NotAtRestError, RestingScene, ScenePlant
 
 _PLACEMENTS = 4  # a set of objects is tried this often before others are drawn
+_TABLE_OBJECTS = 11  # fit side by side into the usual area
+_PILE_SHARE = 0.8  # of a pile that must hang together: a ball may roll off
+_PILE_PENETRATION = 2.0  # times what bodies may penetrate elsewhere
 
 
 @dataclass(frozen=True)
@@ -62,8 +67,10 @@ def check_scene_config(library: ObjectLibrary, config: SceneConfig) -> None:
         InputError: where the level, the number of objects or an object's size cannot
             be.
     """
-    if not 1 <= config.level <= 3:
-        raise InputError("levels", f"holds {config.level}", "give 1, 2 or 3")
+    if config.level < 1:
+        raise InputError(
+            "levels", f"holds {config.level}", "give 1, 2, 3, or more for a pile"
+        )
     if not 1 <= config.min_objects <= config.max_objects:
         raise InputError(
             "objects",
@@ -77,7 +84,7 @@ def check_scene_config(library: ObjectLibrary, config: SceneConfig) -> None:
             f"scenes have at most {config.max_objects}",
             "allow more objects, or leave this level out",
         )
-    if config.max_objects > len(library):
+    if config.max_objects > len(library) and not config.repeats:
         raise InputError(
             "objects",
             f"asks for up to {config.max_objects}, {library.source} has "
@@ -151,14 +158,30 @@ def _draw_objects(
     """Some of the objects, and a plant of them."""
     fewest = max(config.min_objects, config.level)
     count = rng.integers(fewest, config.max_objects + 1)
-    ids = tuple(int(i) for i in rng.permutation(library.ids)[:count])
+    rounds = -(-int(count) // len(library))
+    drawn = np.concatenate([rng.permutation(library.ids) for _ in range(rounds)])
+    ids = tuple(int(i) for i in drawn[:count])
     plant = ScenePlant(
         [library[i] for i in ids],
         [model_files[i] for i in ids],
         load_container(config.container),
-        config.settling,
+        _settling(config),
     )
     return plant, ids
+
+
+def _settling(config: SceneConfig) -> SettlingConfig:
+    """A pile takes longer to come to rest, and weighs on what is below."""
+    settling = config.settling
+    if config.level <= MAX_LEVEL:
+        return settling
+    return replace(
+        settling,
+        max_time=settling.max_time * config.level / MAX_LEVEL,
+        limits=replace(
+            settling.limits, penetration=_PILE_PENETRATION * settling.limits.penetration
+        ),
+    )
 
 
 def _try_scene(
@@ -168,7 +191,7 @@ def _try_scene(
     rng: np.random.Generator,
     tries: int,
 ) -> GeneratedScene:
-    container = load_container(config.container)
+    container = _room(config.container, len(ids))
     for n in range(len(ids)):
         plant.park(n)
     kinds = Placer(plant, container, rng).place(_groups(len(ids), config.level))
@@ -179,13 +202,25 @@ def _try_scene(
     return GeneratedScene(ids, rest.X_WO, edges, levels, kinds, config.container, tries)
 
 
+def _room(name: ContainerName, count: int) -> Container:
+    """The container; of a table, more is used for more objects."""
+    container = load_container(name)
+    if name is not ContainerName.TABLE:
+        return container
+    wider = max(1.0, count / _TABLE_OBJECTS) ** 0.5
+    return replace(container, half_extents=wider * container.half_extents)
+
+
 def _check_level(
     rest: RestingScene, config: SceneConfig
 ) -> tuple[tuple[Pair, ...], tuple[int, ...]]:
     """Contacts and levels; rejects a scene that has not the level asked for."""
-    edges = _check_edges(rest, config)
+    pile = config.level > MAX_LEVEL
+    edges = _check_edges(rest, config, clear=not pile)
+    if pile and largest_group(len(rest.X_WO), edges) < _PILE_SHARE * config.level:
+        raise NotAtRestError("the pile came apart")
     levels = interaction_levels(len(rest.X_WO), edges)
-    if max(levels) != config.level:
+    if max(levels) != min(config.level, MAX_LEVEL):
         raise NotAtRestError("another level came out")
     return edges, levels
 
@@ -195,11 +230,16 @@ def _groups(count: int, level: int) -> list[Sequence[int]]:
     return [range(level), *([k] for k in range(level, count))]
 
 
-def _check_edges(rest: RestingScene, config: SceneConfig) -> tuple[Pair, ...]:
-    """Who touches whom; rejects a scene where this is not clear."""
+def _check_edges(
+    rest: RestingScene, config: SceneConfig, *, clear: bool
+) -> tuple[Pair, ...]:
+    """Who touches whom; rejects a scene where this is to be clear and is not.
+
+    In a pile some always nearly touch, and its level does not hang on them.
+    """
     settling = config.settling
     between = {pair: d for pair, d in rest.distances.items() if pair[0] >= 0}
-    if any(settling.touching < d < settling.apart for d in between.values()):
+    if clear and any(settling.touching < d < settling.apart for d in between.values()):
         raise NotAtRestError("objects nearly touch")
     return contact_edges(between, settling.touching)
 

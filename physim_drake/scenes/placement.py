@@ -30,6 +30,7 @@ _WEIGHTS = {
     2: (0.35, 0.35, 0.2, 0.1),
     3: (0.3, 0.3, 0.1, 0.2, 0.1),
 }
+_PILE_WIDTH = 0.4  # of the side of a square that the objects would cover side by side
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -59,8 +60,8 @@ class Placer:
         """Places groups of objects, each apart from the others.
 
         Args:
-            groups: indices of the objects that are to depend on each other, one to
-                three a group.
+            groups: indices of the objects that are to depend on each other; more than
+                three make a pile.
 
         Returns:
             how each group was built.
@@ -86,6 +87,10 @@ class Placer:
         }
         kinds = []
         for group in groups:
+            if len(group) not in builders:
+                self._build_pile(group)
+                kinds.append("pile")
+                continue
             options = builders[len(group)]
             kind = str(self._rng.choice(list(options), p=_WEIGHTS[len(group)]))
             options[kind](*group)
@@ -138,6 +143,19 @@ class Placer:
     def _build_heap(self, a: int, b: int, c: int) -> None:
         self._build_stack(a, b)
         self._drop_near(a, c)
+
+    def _build_pile(self, group: Sequence[int]) -> None:
+        """Each is brought down near the first, onto what is there already."""
+        x, y = np.eye(3)[:2]
+        R_WO = {k: self._shapes[k].draw(self._rng) for k in group}
+        area = sum(
+            4 * self._shapes[k].half_width(R, x) * self._shapes[k].half_width(R, y)
+            for k, R in R_WO.items()
+        )
+        self._stand(group[0], R_WO[group[0]])
+        middle, half = self._center[group[0]][:2], _PILE_WIDTH * np.sqrt(area) / 2
+        for k in group[1:]:
+            self._put_over(k, R_WO[k], middle + self._rng.uniform(-half, half, 2))
 
     def _stand(self, k: int, R_WO: Array) -> None:
         """Puts object `k` on the surface, away from all others, near the middle."""

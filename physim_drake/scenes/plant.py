@@ -90,6 +90,7 @@ class ScenePlant:
         scene_graph.set_config(defaults)
         plant = self._plant
         parser = Parser(plant)
+        parser.SetAutoRenaming(True)  # an object may be there twice
         (instance,) = parser.AddModels(container.sdf)
         plant.WeldFrames(
             plant.world_frame(), plant.GetBodyByName("body", instance).body_frame()

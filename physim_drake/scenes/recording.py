@@ -74,6 +74,7 @@ class DatasetConfig:
             self.min_objects,
             self.max_objects,
             self.container,
+            repeats=True,
         )
 
 

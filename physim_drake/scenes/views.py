@@ -27,6 +27,9 @@ from physim_drake.scenes.generation import GeneratedScene
 
 Masks = NDArray[np.bool_]
 
+_FEW_OBJECTS = 6  # that are seen from anywhere
+_WIDTH = 0.45  # m; more objects, on a wider area, are looked at from farther
+
 
 @dataclass(frozen=True)
 class ViewConfig:
@@ -36,7 +39,8 @@ class ViewConfig:
         camera: which preset.
         noise: whether the camera errs; its images are perfect otherwise.
         min_visible: every object shows at least this share of its silhouette.
-        distance: range from the camera to the middle of the objects, m.
+        distance: range from the camera to the middle of the objects, m; where more
+            than six of them spread wide, it grows with the width.
         max_roll: of the camera about its axis, rad.
         max_tries: a view that hides or cuts off an object is drawn again, this often.
         box_jitter: detected boxes are off by up to this share of their size, a side.
@@ -103,7 +107,7 @@ def draw_camera(
     azimuth = rng.uniform(*container.azimuth)
     elevation = rng.uniform(*container.elevation)
     if config.height is None:
-        distance = rng.uniform(*config.distance)
+        distance = _farther(scene) * rng.uniform(*config.distance)
     else:
         distance = rng.uniform(*config.height) / np.sin(elevation)
     target = scene.X_WO[:, :3, 3].mean(axis=0) + rng.uniform(-0.03, 0.03, 3)
@@ -120,6 +124,13 @@ def draw_camera(
     R_WC = np.stack([x_C, np.cross(z_C, x_C), z_C], axis=1)
     roll = Rotation.from_rotvec([0, 0, rng.uniform(-config.max_roll, config.max_roll)])
     return make_pose(R_WC @ roll.as_matrix(), target + distance * backward)
+
+
+def _farther(scene: GeneratedScene) -> float:
+    """By how much the camera stands back, so that all of a wide scene is seen."""
+    if len(scene.object_ids) <= _FEW_OBJECTS:
+        return 1.0
+    return max(1.0, float(np.ptp(scene.X_WO[:, :2, 3], axis=0).max()) / _WIDTH)
 
 
 def find_view(

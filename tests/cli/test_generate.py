@@ -46,7 +46,7 @@ def test_impossible_level(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("--levels", "4"), ("--levels", ""), ("--objects", "3"), ("--objects", "4:2")],
+    [("--levels", "0"), ("--levels", ""), ("--objects", "3"), ("--objects", "4:2")],
 )
 def test_bad_options(tmp_path: Path, option: str, value: str):
     check_refused(

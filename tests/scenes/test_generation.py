@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from physim_drake.objects import ObjectLibrary, ObjectModel
 from physim_drake.poses import inverse, is_rotation, transform_points
 from physim_drake.registration_model import registration_model
 from physim_drake.scenes.config import RestLimits, SceneConfig
-from physim_drake.scenes.contact_graph import interaction_levels
+from physim_drake.scenes.contact_graph import interaction_levels, largest_group
 from physim_drake.scenes.containers import ContainerName, load_container
 from physim_drake.scenes.generation import (
     GeneratedScene,
@@ -22,6 +23,7 @@ from physim_drake.scenes.generation import (
     write_models,
 )
 from physim_drake.scenes.plant import CONTAINER, NotAtRestError, ScenePlant
+from physim_drake.scenes.views import ViewConfig, draw_camera
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +175,46 @@ def test_level_needs_as_many_objects(library: ObjectLibrary):
 def test_no_more_objects_than_the_library_has(library: ObjectLibrary):
     with pytest.raises(InputError, match=r"up to 12.*has 11"):
         check_scene_config(library, SceneConfig(1, 2, 12))
+
+
+def test_objects_occur_again_once_all_are_there(library: ObjectLibrary):
+    few = ObjectLibrary([library[i] for i in (1, 2, 9)], "three of them")
+    config = SceneConfig(1, 5, 5, repeats=True)
+    scene = generate_scene(few, config, seed=0)
+    assert set(scene.object_ids[:3]) == {1, 2, 9}
+    assert len(scene.object_ids) == 5
+    assert scene.levels == (1,) * 5
+    assert len({X.tobytes() for X in scene.X_WO}) == 5
+
+
+def test_a_pile_hangs_together(library: ObjectLibrary):
+    few = ObjectLibrary([library[i] for i in (1, 2, 9)], "three of them")
+    scene = generate_scene(few, SceneConfig(5, 5, 5, repeats=True), seed=0)
+    assert scene.kinds == ("pile",)
+    assert largest_group(5, scene.edges) >= 4
+    assert max(scene.levels) == 3
+    assert np.ptp(scene.X_WO[:, 2, 3]) > 0.02  # some lie on others
+
+
+def test_many_objects_have_room(library: ObjectLibrary):
+    scene = generate_scene(library, SceneConfig(1, 14, 14, repeats=True), seed=0)
+    assert scene.levels == (1,) * 14
+    assert set(Counter(scene.object_ids).values()) == {1, 2}
+
+
+def test_a_wide_scene_of_many_is_looked_at_from_farther():
+    X_WO = np.tile(np.eye(4), (8, 1, 1))
+    few, near, wide = X_WO[:4].copy(), X_WO, X_WO.copy()
+    few[1, 0, 3] = wide[1, 0, 3] = 0.9
+    container = load_container(ContainerName.TABLE)
+    heights = []
+    for X in (few, near, wide):
+        ids = tuple(range(1, len(X) + 1))
+        scene = GeneratedScene(ids, X, (), (), (), ContainerName.TABLE, 1)
+        rng = np.random.default_rng(0)
+        heights.append(draw_camera(scene, container, ViewConfig(), rng)[2, 3])
+    assert heights[0] == heights[1]
+    assert heights[2] == pytest.approx(2 * heights[0], rel=0.05)
 
 
 def test_model_too_large_for_the_surface():
