@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import secrets
 from collections.abc import Iterator
@@ -50,8 +51,10 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
 
     The text (UTF-8, lines end in a plain newline) or bytes go to a temporary file in
     the same folder, are flushed to the disk and renamed. When the block raises, `path`
-    stays what it was and the temporary file is removed. Symbolic links are followed; a
-    pipe, or anything below /dev such as /dev/stdout, is written straight.
+    stays what it was and the temporary file is removed. A writer that is killed leaves
+    its temporary file to the next one that writes `path`, which removes it. Symbolic
+    links are followed; a pipe, or anything below /dev such as /dev/stdout, is written
+    straight.
 
     Args:
         path: the file to create or replace.
@@ -65,17 +68,19 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
     scratch = (
         target
         if direct
-        else target.with_name(f".{target.name[:64]}.{secrets.token_hex(4)}.tmp")
+        else target.with_name(f"{_prefix(target)}{secrets.token_hex(4)}.tmp")
     )
     text = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
     try:
         with open(path if direct else scratch, mode, **text) as file:  # type: ignore[call-overload]
+            if not direct:
+                _hold(file.fileno())
+                _remove_abandoned(target)
             yield file
             file.flush()
             if not direct:
                 os.fsync(file.fileno())
-        if not direct:
-            os.replace(scratch, target)
+                os.replace(scratch, target)
     except OSError as error:
         # An error of another file, raised inside the block, is not about this one.
         if error.filename not in (None, str(scratch), str(path)):
@@ -85,3 +90,28 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
         if not direct:
             with suppress(OSError):  # gone after the rename, or never made
                 scratch.unlink()
+
+
+def _prefix(target: Path) -> str:
+    """How the names of a file's temporary files begin."""
+    return f".{target.name[:64]}."
+
+
+def _hold(descriptor: int) -> bool:
+    """Locks a file for as long as it is open; False where another process has."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # or where the file system has no locks
+        return False
+    return True
+
+
+def _remove_abandoned(target: Path) -> None:
+    """Removes temporary files of a file whose writers have ended."""
+    prefix = _prefix(target)
+    for entry in os.scandir(target.parent):
+        middle = entry.name.removeprefix(prefix).removesuffix(".tmp")
+        if entry.name == f"{prefix}{middle}.tmp" and len(middle) == 8:
+            with suppress(OSError), open(entry.path, "rb") as file:
+                if _hold(file.fileno()):
+                    os.unlink(entry.path)

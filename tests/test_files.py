@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -49,6 +51,37 @@ def test_errors_of_other_files_pass(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), write_atomically(tmp_path / "a") as file:
         file.write((tmp_path / "other").read_text())
     assert names(tmp_path) == []
+
+
+def test_what_a_killed_writer_left_is_removed_by_the_next(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    code = (
+        "import os, pathlib, sys\n"
+        "from physim_drake.files import write_atomically\n"
+        "with write_atomically(pathlib.Path(sys.argv[1])) as file:\n"
+        "    file.write('half')\n"
+        "    file.flush()\n"
+        "    os.kill(os.getpid(), 9)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)])
+    assert done.returncode == -9
+    (left,) = names(tmp_path)
+    assert left.startswith(".a.txt.")
+    (tmp_path / ".a.txt.notes.tmp").write_text("of someone else")
+    with write_atomically(path) as file:
+        file.write("whole")
+    assert names(tmp_path) == [".a.txt.notes.tmp", "a.txt"]
+
+
+def test_two_writers_leave_each_other_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with write_atomically(path) as first:
+        with write_atomically(path) as second:
+            second.write("second")
+        assert path.read_text() == "second"
+        first.write("first")
+    assert path.read_text() == "first"
+    assert names(tmp_path) == ["a.txt"]
 
 
 def test_symbolic_links_are_followed(tmp_path: Path) -> None:

@@ -94,7 +94,8 @@ class ResultsWriter:
             time: seconds the whole image took.
 
         Raises:
-            InputError: where the disk is full or the file cannot be written.
+            InputError: where the disk is full, or the file cannot be written or is
+                there no more.
             ValueError: where the image is done, a row belongs to another image, or a
                 pose is no pose.
         """
@@ -106,6 +107,7 @@ class ResultsWriter:
                 raise ValueError(f"a row of image {image} says {row}")
             if not (np.isfinite(row.X_CO).all() and is_rotation(row.X_CO[:3, :3])):
                 raise ValueError(f"object {row.object_id} of {image} has no pose")
+        self._check_in_place()
         lines = [format_row(replace(row, time=time)) + "\n" for row in rows]
         length = self._append(self._results, self.path, "".join(lines))
         self._log({"scene_id": scene_id, "im_id": im_id, "length": length})
@@ -126,6 +128,21 @@ class ResultsWriter:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _check_in_place(self) -> None:
+        """Raises `InputError` where what is written would reach no one."""
+        for file, path in (
+            (self._results, self.path),
+            (self._progress, self._progress_path),
+        ):
+            try:
+                there = os.path.samestat(os.stat(path), os.fstat(file.fileno()))
+            except OSError:
+                there = False
+            if not there:
+                raise InputError(
+                    path, "was removed or replaced during the run", "run again"
+                )
 
     def _begin(self, length: int) -> None:
         """Cuts the results to `length` bytes; 0 starts both files anew."""

@@ -150,3 +150,13 @@ def test_mangled_progress_raises_only_input_errors(
     progress.write_bytes(data.draw(mangled(progress.read_bytes())))
     with suppress(PhysimError):
         run(path, resume=True)
+
+
+@pytest.mark.parametrize("name", ["results.csv", "results.csv.progress"])
+def test_a_file_that_vanishes_during_the_run_is_said(tmp_path: Path, name: str) -> None:
+    with ResultsWriter(tmp_path / "results.csv") as writer:
+        writer.write_image(1, 0, rows(0), time=0.5)
+        (tmp_path / name).unlink()
+        with pytest.raises(InputError, match="was removed or replaced") as caught:
+            writer.write_image(1, 1, rows(1), time=0.5)
+        assert caught.value.source == str(tmp_path / name)
