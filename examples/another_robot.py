@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from physim_drake.picking.episode import EpisodeResult
-from physim_drake.picking.scenario import PickScenario, load_scenario
+from physim_drake.picking.scenario import DetectorName, PickScenario, load_scenario
 from physim_drake.systems.episodes import EpisodeRunner
 
 HALF = 1.5707963
@@ -200,10 +200,13 @@ def make_scenario(folder: Path) -> PickScenario:
     return load_scenario(folder / "scenario.yaml")
 
 
-def main(out: Path, noise: bool = True) -> EpisodeResult:
+def main(
+    out: Path, noise: bool = True, detector: DetectorName = DetectorName.NETWORK
+) -> EpisodeResult:
     """Runs an episode and prints what happened."""
     scenario = make_scenario(out)
-    scenario = replace(scenario, look=replace(scenario.look, noise=noise))
+    look = replace(scenario.look, noise=noise, detector=detector)
+    scenario = replace(scenario, look=look)
     with EpisodeRunner(scenario) as runner:
         result = runner.run(0)
     for event in result.events:

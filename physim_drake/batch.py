@@ -142,9 +142,18 @@ def segment_lookup(
 
     if weights is not None:
         return network_lookup(dataset, weights, targets, pixels=True)
-    # A detector's weights hold those of a network for pixels as well.
-    default = FCN if FCN.exists() else DETECTOR
+    default = default_weights(pixels=True)
     return network_lookup(dataset, default, targets, like=APC11, pixels=True)
+
+
+def default_weights(pixels: bool = False) -> Path:
+    """The weights that come with the package.
+
+    Args:
+        pixels: those of a network that tells the class of every pixel.
+    """
+    # A detector's weights hold those of a network for pixels as well.
+    return FCN if pixels and FCN.exists() else DETECTOR
 
 
 def boxes_only(look_up: DetectionLookup) -> DetectionLookup:

@@ -9,6 +9,7 @@ from physim_drake.systems.detector import (
     Detector,
     DetectorConfig,
     OracleDetector,
+    TrainedDetector,
 )
 from physim_drake.systems.ground_truth import GroundTruthPoses
 from physim_drake.systems.hypothesis_generator import (
@@ -23,6 +24,7 @@ from physim_drake.systems.perception import AddPerceptionDiagram, PerceptionDiag
 from physim_drake.systems.perception_config import (
     EstimatorConfig,
     LatencyConfig,
+    NetworkDetectorConfig,
     OracleDetectorConfig,
     PerceptionCameraConfig,
     PerceptionConfig,
@@ -48,6 +50,7 @@ __all__ = [
     "Look",
     "LookErrors",
     "MctsPoseEstimator",
+    "NetworkDetectorConfig",
     "ObjectInstance",
     "OracleDetector",
     "OracleDetectorConfig",
@@ -64,5 +67,6 @@ __all__ = [
     "Stage",
     "Stamped",
     "TimingConfig",
+    "TrainedDetector",
     "find_object_instances",
 ]

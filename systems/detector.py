@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Says where in the image the objects are, by any algorithm; and one that knows."""
+"""Says where in the image the objects are, by any algorithm: a network, an oracle."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from physim_drake.camera import DepthImage
+from physim_drake.detection.choosing import ChoiceConfig, choose_detections
+from physim_drake.errors import InputError
 from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.scenes.views import jittered_boxes
 from physim_drake.systems.camera_source import LabelImage
@@ -89,6 +93,51 @@ class Detector(Stage):
         generator = np.random.default_rng([self._seed, look.number])
         observation, labels = look["observation"], look["labels"]
         return (self._algorithm.detect(observation, labels, generator),)
+
+
+class FindsInColor(Protocol):
+    """A network that is ready to use, as `NetworkDetector` is."""
+
+    def detect(
+        self, color: NDArray[np.uint8], depth: DepthImage | None
+    ) -> tuple[Detection, ...]:
+        """Finds all that it knows in a colour image (height, width, 3)."""
+        ...
+
+
+class TrainedDetector:
+    """What a network sees in the colour image; needs no labels.
+
+    Args:
+        network: for instance a `NetworkDetector`.
+        counts: how many there may be of each object, by its id.
+        config: which of its detections are believed.
+    """
+
+    def __init__(
+        self,
+        network: FindsInColor,
+        counts: Mapping[int, int],
+        config: ChoiceConfig = ChoiceConfig(),  # noqa: B008 (frozen)
+    ) -> None:
+        self._network, self._counts, self._config = network, dict(counts), config
+
+    def detect(
+        self,
+        observation: RgbdObservation,
+        labels: LabelImage | None,
+        generator: np.random.Generator,
+    ) -> tuple[Detection, ...]:
+        """Gives the detections to believe, surest first."""
+        if observation.color is None:
+            raise InputError(
+                observation.name,
+                "has no colour, by which objects are detected",
+                "give colour images",
+            )
+        found = self._network.detect(observation.color, observation.depth)
+        height, width = observation.depth.shape
+        return choose_detections(found, self._counts, (height, width), self._config)
 
 
 class OracleDetector:

@@ -29,7 +29,12 @@ from physim_drake.picking.start import PlacedModel, check_objects, draw_start
 from physim_drake.picking.task_state import EventKind, Phase, TaskState
 from physim_drake.poses import Array
 from physim_drake.scenes.generation import write_models
-from physim_drake.systems.pick_cell import PickCell, PickCellParts, perception_config
+from physim_drake.systems.pick_cell import (
+    PickCell,
+    PickCellParts,
+    cell_network,
+    perception_config,
+)
 
 _STEP = 0.1  # s, between looks at how far the task is
 _AFTERWARDS = 1.0  # s, for what was let go last to come to rest
@@ -47,7 +52,7 @@ class EpisodeRunner:
         parts: what replaces the usual parts of each cell.
 
     Raises:
-        InputError: where the scenario cannot work; see `check_cell`.
+        InputError: where the scenario cannot work; see `check_cell`, `cell_network`.
 
     Use it as a context manager, or call `close`.
     """
@@ -62,6 +67,8 @@ class EpisodeRunner:
         check_objects(scenario, self.library)
         self.geometry = cell_geometry(scenario, self.library)
         check_cell(scenario, self.geometry)
+        if parts.detector is None:  # read once, not for every episode
+            parts = replace(parts, detector=cell_network(scenario, self.library))
         self._folder = tempfile.TemporaryDirectory()
         self._files = write_models(self.library, Path(self._folder.name))
         self._own_estimator: PoseEstimator | None = None

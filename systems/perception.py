@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import weakref
+from collections import Counter
+from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
@@ -17,7 +19,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from physim_drake.errors import InputError
-from physim_drake.estimation import PoseEstimator
+from physim_drake.estimation import Method, PoseEstimator
 from physim_drake.objects import ObjectLibrary
 from physim_drake.systems.camera_source import CameraSource
 from physim_drake.systems.detector import (
@@ -28,7 +30,10 @@ from physim_drake.systems.detector import (
 from physim_drake.systems.ground_truth import GroundTruthPoses
 from physim_drake.systems.hypothesis_generator import HypothesisGenerator
 from physim_drake.systems.object_instances import find_object_instances
-from physim_drake.systems.perception_config import PerceptionConfig
+from physim_drake.systems.perception_config import (
+    OracleDetectorConfig,
+    PerceptionConfig,
+)
 from physim_drake.systems.pose_error_monitor import PoseErrorMonitor
 from physim_drake.systems.pose_estimator import MctsPoseEstimator
 from physim_drake.systems.pose_visualizer import PoseVisualizer
@@ -155,15 +160,27 @@ class PerceptionDiagram(Diagram):
         camera: CameraSource,
         algorithm: DetectionAlgorithm | None,
     ) -> Detector:
-        config = self._config
+        config, seed = self._config, 0
+        if isinstance(config.detector, OracleDetectorConfig):
+            seed = config.detector.seed
         detector = Detector(
-            config.detector.make(self.instances) if algorithm is None else algorithm,
-            DetectorConfig(config.detector.seed, self._timing(config.latency.detector)),
+            self._make_detector() if algorithm is None else algorithm,
+            DetectorConfig(seed, self._timing(config.latency.detector)),
         )
         builder.AddNamedSystem("detector", detector)
         _connect(builder, camera, detector, "observation", "labels")
         _export(builder, detector, "detections")
         return detector
+
+    def _make_detector(self) -> DetectionAlgorithm:
+        """The detector that is configured, for the objects that the plant has."""
+        config = self._config.detector
+        if isinstance(config, OracleDetectorConfig):
+            return config.make(self.instances)
+        if self._config.estimator.method is Method.FCN_PCA_ICP:
+            config = replace(config, pixels=True)
+        counts = Counter(i.object_id for i in self.instances)
+        return config.make({i: self.library[i] for i in counts}, counts)
 
     def _add_estimator(
         self, builder: DiagramBuilder, camera: CameraSource, detector: Detector
@@ -245,7 +262,8 @@ def AddPerceptionDiagram(
 
     Raises:
         InputError: where the plant has no camera frame or object of the names in
-            `config`, or the library cannot be used.
+            `config`, or the library cannot be used, or the detector's weights cannot
+            be used or are for other objects.
     """
     graph: Any = scene_graph or builder.GetSubsystemByName("scene_graph")
     world: Any = plant or builder.GetSubsystemByName("plant")

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from pydrake.common.schema import Transform
 
+from physim_drake.batch import default_weights
+from physim_drake.detection.choosing import ChoiceConfig
 from physim_drake.errors import InputError
 from physim_drake.estimation import EstimationConfig, Method
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects import ObjectLibrary, ObjectModel
 from physim_drake.systems.camera_source import CameraSourceConfig
-from physim_drake.systems.detector import OracleDetector
+from physim_drake.systems.detector import OracleDetector, TrainedDetector
 from physim_drake.systems.object_instances import ObjectInstance
 from physim_drake.systems.pose_visualizer import PoseVisualizerConfig
 from physim_drake.typed_yaml import load_typed_yaml
@@ -36,6 +38,50 @@ class PerceptionCameraConfig(CameraSourceConfig):
 
     X_PB: Transform = field(default_factory=Transform)
     renderer: str = "perception"
+
+
+@dataclass(frozen=True)
+class NetworkDetectorConfig:
+    """A network that was trained to find the objects; see `TrainedDetector`.
+
+    Attributes:
+        weights: what physim-drake train wrote, relative to the file of this
+            configuration; where it is empty, the weights that come with the package,
+            which know the objects of apc11.
+        least_score: less certain detections are dropped.
+        min_pixels: objects that show less are not detected.
+        pixels: use only what tells the class of every pixel; each object is then
+            detected at most once.
+    """
+
+    weights: str = ""
+    least_score: float = 0.5
+    min_pixels: int = 100
+    pixels: bool = False
+
+    def make(
+        self, objects: Mapping[int, ObjectModel], counts: Mapping[int, int]
+    ) -> TrainedDetector:
+        """The detector of these objects.
+
+        Args:
+            objects: which ones, by id.
+            counts: how many there may be of each.
+
+        Raises:
+            InputError: where the weights cannot be used, or are for other objects.
+        """
+        # Imported here, since torch takes its time.
+        from physim_drake.detection.detector import NetworkDetector
+
+        path = default_weights(self.pixels)
+        if self.weights:
+            path = Path(self.weights)
+        network = NetworkDetector.load(path, pixels=self.pixels)
+        names = {object_id: model.name for object_id, model in objects.items()}
+        network.check_objects(names, "the library")
+        config = ChoiceConfig(self.least_score, self.min_pixels)
+        return TrainedDetector(network, counts, config)
 
 
 @dataclass(frozen=True)
@@ -115,7 +161,8 @@ class PerceptionConfig:
 
     Attributes:
         camera: the camera, and where it is.
-        detector: used where no other detector is given to the diagram.
+        detector: used where no other detector is given to the diagram; in YAML an
+            oracle is tagged, as in ``detector: !OracleDetectorConfig {jitter: 0.06}``.
         estimator: how poses are estimated.
         latency: of the stages.
         period: of looks, s; None for looks by the trigger alone.
@@ -128,7 +175,9 @@ class PerceptionConfig:
     """
 
     camera: PerceptionCameraConfig = field(default_factory=PerceptionCameraConfig)
-    detector: OracleDetectorConfig = field(default_factory=OracleDetectorConfig)
+    detector: NetworkDetectorConfig | OracleDetectorConfig = field(
+        default_factory=NetworkDetectorConfig
+    )
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     latency: LatencyConfig = field(default_factory=LatencyConfig)
     period: float | None = None
@@ -140,12 +189,16 @@ class PerceptionConfig:
 
     @classmethod
     def load(cls, path: Path) -> PerceptionConfig:
-        """Reads a YAML file; a folder of models is relative to the file's.
+        """Reads a YAML file; the paths in it are relative to its folder.
 
         Raises:
             InputError: where the file cannot be used.
         """
         config = load_typed_yaml(path, cls)
+        detector = config.detector
+        if isinstance(detector, NetworkDetectorConfig) and detector.weights:
+            detector = replace(detector, weights=str(path.parent / detector.weights))
+            config = replace(config, detector=detector)
         if config.library in LIBRARIES:
             return config
         return replace(config, library=str(path.parent / config.library))

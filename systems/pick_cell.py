@@ -31,19 +31,23 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from physim_drake.errors import InputError
-from physim_drake.estimation import PoseEstimator
+from physim_drake.estimation import Method, PoseEstimator
 from physim_drake.models import PACKAGE_XML
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.cell import PickCellGeometry, unusable_directives
 from physim_drake.picking.planning_plant import find_frame
 from physim_drake.picking.policy import PickPolicy, TopOfPileFirst
-from physim_drake.picking.scenario import PickScenario
+from physim_drake.picking.scenario import DetectorName, PickScenario
 from physim_drake.picking.start import PlacedModel
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.trajectories import rest_trajectory
 from physim_drake.picking.workspace import TableDetector
 from physim_drake.suction_contact import add_cup_geometry
-from physim_drake.systems.detector import DetectionAlgorithm, OracleDetector
+from physim_drake.systems.detector import (
+    DetectionAlgorithm,
+    OracleDetector,
+    TrainedDetector,
+)
 from physim_drake.systems.object_instances import (
     find_object_instances,
 )
@@ -51,6 +55,7 @@ from physim_drake.systems.perception import AddPerceptionDiagram, PerceptionDiag
 from physim_drake.systems.perception_config import (
     EstimatorConfig,
     LatencyConfig,
+    NetworkDetectorConfig,
     PerceptionCameraConfig,
     PerceptionConfig,
 )
@@ -67,7 +72,7 @@ class PickCellParts:
 
     Attributes:
         policy: which object is picked, and where.
-        detector: finds objects in images.
+        detector: finds objects in images; by default what the scenario asks for.
         estimator: estimates their poses; whoever made it closes it.
         meshcat: where everything is shown.
     """
@@ -234,8 +239,10 @@ class PickCell:
         parts: PickCellParts,
     ) -> PerceptionDiagram:
         look = self._scenario.look
-        detector = parts.detector or OracleDetector(
-            self.instances, look.box_jitter, look.min_pixels
+        detector = (
+            parts.detector
+            or cell_network(self._scenario, self._library)
+            or OracleDetector(self.instances, look.box_jitter, look.min_pixels)
         )
         return AddPerceptionDiagram(
             builder,
@@ -287,6 +294,37 @@ class PickCell:
             )
         rest = np.array([joint.default_positions()[0] for joint in joints])
         return JointLayout(rest, [names.index(name) for name in config.joints])
+
+
+def cell_network(
+    scenario: PickScenario, library: ObjectLibrary
+) -> TrainedDetector | None:
+    """The network that a scenario asks for; None where it asks for the oracle.
+
+    It may see each object of the library once, wherever it is, and is not told which of
+    them an episode has.
+
+    Raises:
+        InputError: where its weights cannot be used, or are for other objects.
+    """
+    look = scenario.look
+    if look.detector is DetectorName.ORACLE:
+        return None
+    config = NetworkDetectorConfig(
+        look.weights,
+        look.least_score,
+        look.min_pixels,
+        look.method is Method.FCN_PCA_ICP,
+    )
+    try:
+        return config.make(library, dict.fromkeys(library, 1))
+    except InputError as error:
+        raise InputError(
+            error.source,
+            error.problem,
+            f"{error.remedy}, or take the detector `oracle`",
+            error.field,
+        ) from error
 
 
 def perception_config(

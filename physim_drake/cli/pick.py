@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,8 +19,16 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from physim_drake.picking.episode import EpisodeResult
+    from physim_drake.picking.scenario import PickScenario
     from physim_drake.systems.episodes import EpisodeRunner
     from physim_drake.systems.pick_cell import PickCell
+
+
+class Detector(StrEnum):
+    """Names of `DetectorName`, which costs too much to import here."""
+
+    NETWORK = "network"
+    ORACLE = "oracle"
 
 
 def pick(
@@ -35,6 +44,22 @@ def pick(
     episodes: Annotated[
         int, typer.Option(min=1, help="How many, each with other objects.")
     ] = 1,
+    detector: Annotated[
+        Detector | None,
+        typer.Option(
+            help="A trained network finds the objects in the images, or an oracle that "
+            "knows where they are.",
+            show_default="the scenario's",
+        ),
+    ] = None,
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Of the network: what physim-drake train wrote.",
+            show_default="the scenario's",
+        ),
+    ] = None,
     meshcat: Annotated[
         bool,
         typer.Option("--meshcat/--headless", help="Whether to show it in a browser."),
@@ -80,7 +105,7 @@ def pick(
     from physim_drake.systems.pick_cell import PickCellParts
 
     logging.getLogger("drake").setLevel(logging.ERROR)
-    loaded = load_scenario(scenario)
+    loaded = _choose_detector(load_scenario(scenario), detector, weights)
     if seed is not None:
         loaded = replace(loaded, random_seed=seed)
     if record is not None:
@@ -115,6 +140,25 @@ def pick(
                     f"episode {result.episode + 1}, {outcome.name} is left: "
                     f"{outcome.reason}"
                 )
+
+
+def _choose_detector(
+    scenario: PickScenario, detector: Detector | None, weights: Path | None
+) -> PickScenario:
+    from dataclasses import replace
+
+    from physim_drake.picking.scenario import DetectorName
+
+    look = scenario.look
+    if detector is not None:
+        look = replace(look, detector=DetectorName(detector))
+    if weights is not None:
+        if look.detector is DetectorName.ORACLE:
+            raise InputError(
+                "--weights", "given with an oracle", "give --detector network"
+            )
+        look = replace(look, weights=str(weights))
+    return replace(scenario, look=look)
 
 
 def _run(runner: EpisodeRunner, number: int, count: int) -> EpisodeResult:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 
 from pydrake.geometry import SceneGraphConfig
@@ -156,6 +157,13 @@ def _views() -> tuple[ViewpointConfig, ...]:
     )
 
 
+class DetectorName(StrEnum):
+    """What says which objects are in an image, and where."""
+
+    NETWORK = "network"
+    ORACLE = "oracle"
+
+
 @dataclass(frozen=True)
 class LookConfig:
     """How the cell sees.
@@ -163,7 +171,13 @@ class LookConfig:
     Attributes:
         camera: preset of the wrist camera.
         noise: whether its images err.
-        box_jitter: detected boxes are off by up to this share of their size, a side.
+        detector: a trained network, or an oracle that knows what each pixel shows.
+        weights: of the network: what physim-drake train wrote, from the scenario's
+            folder where it is relative; where it is empty, the weights that come with
+            the package, which know the objects of apc11.
+        least_score: less certain detections of the network are dropped.
+        box_jitter: the oracle's boxes are off by up to this share of their size, a
+            side.
         min_pixels: an object of which less shows is not detected.
         method: how poses are estimated.
         expansions: of a group's search.
@@ -176,6 +190,9 @@ class LookConfig:
 
     camera: CameraName = CameraName.D415
     noise: bool = True
+    detector: DetectorName = DetectorName.NETWORK
+    weights: str = ""
+    least_score: float = 0.5
     box_jitter: float = 0.06
     min_pixels: int = 400
     method: Method = Method.PHYSIM_MCTS
@@ -188,6 +205,10 @@ class LookConfig:
     def __post_init__(self) -> None:
         if not self.views:
             raise InputError("look", "is empty", "give one viewpoint or more", "views")
+        if not 0.0 <= self.least_score <= 1.0:
+            raise InputError(
+                "look", f"is {self.least_score}", "give 0 to 1", "least_score"
+            )
 
 
 @dataclass(frozen=True)
@@ -307,7 +328,11 @@ def load_scenario(path: Path) -> PickScenario:
     for directive in scenario.directives:
         _find_file(directive, folder)
     library = _find_library(scenario.objects.library, folder)
-    return replace(scenario, objects=replace(scenario.objects, library=library))
+    look = scenario.look
+    if look.weights:
+        look = replace(look, weights=str(folder / look.weights))
+    objects = replace(scenario.objects, library=library)
+    return replace(scenario, objects=objects, look=look)
 
 
 def _find_file(directive: ModelDirective, folder: Path) -> None:

@@ -28,7 +28,7 @@ class Detects(Protocol):
 
 
 class TableDetector:
-    """Leaves out what another detector finds in the tote, by the depth in its box.
+    """Leaves out what another detector finds in the tote, by the depth there.
 
     Args:
         detector: the other one.
@@ -54,9 +54,16 @@ class TableDetector:
 
 
 def middle_points(detection: Detection, observation: RgbdObservation) -> Array:
-    """The points p_W (N, 3) seen in the middle of a box; none without a pose."""
+    """The points p_W (N, 3) seen in a mask, or else in the middle of a box.
+
+    There are none without a camera pose.
+    """
     if observation.X_WC is None:
         return np.zeros((0, 3))
+    if detection.mask is not None:
+        p_C = observation.intrinsics.unproject(observation.depth)
+        seen = detection.mask & (observation.depth > 0)
+        return transform_points(observation.X_WC, p_C[seen])
     left, top, right, bottom = detection.box
     x, y = (left + right) / 2, (top + bottom) / 2
     half_x, half_y = _MIDDLE * (right - left) / 2, _MIDDLE * (bottom - top) / 2

@@ -3,16 +3,25 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
+from physim_drake import batch
 from physim_drake.cli import main
+from physim_drake.detection.detector import NetworkDetector
+from physim_drake.detection.networks import ObjectClass
+from tests.cli.test_detect import write_weights_of
 
 ONE = """
 objects: {names: [dove_beauty_bar], count: [1, 1], levels: [1]}
-look: {noise: false, method: pca-icp}
+look: {noise: false, method: pca-icp, detector: oracle}
 """
+NETWORK = ONE.replace("detector: oracle", "weights: own.safetensors")
+SOAP = ObjectClass(9, "dove_beauty_bar")
 FRAME = """
 directives:
 - add_directives: {{file: "package://physim_drake_models/pick_cell/pick_cell.dmd.yaml"}}
@@ -87,6 +96,88 @@ def test_a_scenario_that_cannot_work_is_one_line_and_exit_status_2(
     assert message in line
     assert line is errors[-1]
     assert not any("Traceback" in e for e in errors)
+
+
+def pickled(path: Path) -> None:
+    torch.save({}, path)
+
+
+def of_another(path: Path) -> None:
+    write_weights_of(path, (ObjectClass(9, "teapot"),))
+
+
+def cut_short(path: Path) -> None:
+    write_weights_of(path, (SOAP,))
+    path.write_bytes(path.read_bytes()[:-5])
+
+
+def not_there(path: Path) -> None:
+    """Leaves nothing."""
+
+
+BAD_WEIGHTS: dict[Callable[[Path], None], str] = {
+    pickled: "is a pickle, not safetensors; pickles are never loaded",
+    of_another: "object 9 of the library is dove_beauty_bar, here it is teapot",
+    cut_short: "is damaged or no safetensors file",
+    not_there: "cannot be read: No such file or directory",
+}
+
+
+@pytest.mark.parametrize("write", BAD_WEIGHTS, ids=lambda write: write.__name__)
+@pytest.mark.parametrize("named_by", ["scenario", "option", "package"])
+def test_weights_that_cannot_be_used_are_one_line_and_exit_status_2(
+    write: Callable[[Path], None],
+    named_by: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    weights = tmp_path / "own.safetensors"
+    write(weights)
+    options: list[str | Path] = []
+    text = NETWORK
+    if named_by != "scenario":
+        text = ONE  # whose oracle is overruled
+        options = ["--detector", "network"]
+    if named_by == "option":
+        options += ["--weights", weights]
+    if named_by == "package":
+        monkeypatch.setattr(batch, "DETECTOR", weights)
+    path = scenario(tmp_path, text)
+    assert run(monkeypatch, path, *options) == 2
+    (line,) = [e for e in capfd.readouterr().err.splitlines() if "error: " in e]
+    assert line.startswith(f"error: {path}: {weights}: ")
+    assert BAD_WEIGHTS[write] in line
+    assert "or take the detector `oracle`" in line
+
+
+def test_an_oracle_takes_no_weights(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    path = scenario(tmp_path, ONE)
+    assert run(monkeypatch, path, "--weights", "w.safetensors") == 2
+    assert "--weights: given with an oracle" in capfd.readouterr().err
+
+
+def test_a_cell_whose_network_sees_nothing_looks_again(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    write_weights_of(tmp_path / "own.safetensors", (SOAP,))
+    asked = []
+
+    def detect(self: object, color: np.ndarray, depth: object) -> tuple[()]:
+        asked.append(color.shape)
+        return ()
+
+    monkeypatch.setattr(NetworkDetector, "detect", detect)
+    path = scenario(tmp_path, NETWORK + "max_duration: 2.0\n")
+    assert run(monkeypatch, path) == 0
+    assert asked == [(480, 640, 3)]
+    assert "0 of 1 objects cleared" in capfd.readouterr().err
 
 
 def test_a_file_that_is_missing_is_named(

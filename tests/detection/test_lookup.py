@@ -137,7 +137,7 @@ def test_objects_of_another_name_are_not_left_to_the_default(
 ):
     name_models(dataset.root, "object 1", "teapot")
     monkeypatch.setattr(batch, "DETECTOR", weights)
-    with pytest.raises(InputError, match="object 2 of .* is teapot"):
+    with pytest.raises(InputError, match=r"object 2 of .* is teapot"):
         detection_lookup(dataset)
 
 

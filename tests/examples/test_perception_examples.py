@@ -9,7 +9,11 @@ from typing import Any
 
 import pytest
 
-from physim_drake.systems import EstimatorConfig, PerceptionConfig
+from physim_drake.systems import (
+    EstimatorConfig,
+    OracleDetectorConfig,
+    PerceptionConfig,
+)
 from tests.examples.test_examples import FOLDER, load
 
 QUICK = EstimatorConfig(expansions=12, representatives=8, rounds=1)
@@ -23,7 +27,7 @@ def examples(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def settings(examples: None) -> PerceptionConfig:
     config = PerceptionConfig.load(FOLDER / "perception" / "perception.yaml")
-    return replace(config, estimator=QUICK)
+    return replace(config, detector=OracleDetectorConfig(), estimator=QUICK)
 
 
 def offsets(printed: str) -> dict[str, float]:

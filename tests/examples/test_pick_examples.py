@@ -11,6 +11,7 @@ import pytest
 from physim_drake.models import APC11
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
 from physim_drake.picking.scenario import (
+    DetectorName,
     ObjectsConfig,
     PickScenario,
     load_scenario,
@@ -49,7 +50,8 @@ def test_another_robot_clears_its_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(str(FOLDER))  # dataclasses look for their module
-    result = importlib.import_module("another_robot").main(tmp_path, noise=False)
+    main = importlib.import_module("another_robot").main
+    result = main(tmp_path, noise=False, detector=DetectorName.ORACLE)
     assert result.cleared == len(result.objects) == 2
     assert result.count(EventKind.PLACED) == 2
 

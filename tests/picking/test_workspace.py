@@ -63,6 +63,17 @@ def test_what_lies_in_the_tote_is_not_detected() -> None:
         assert [d.object_id for d in found] == expected
 
 
+def test_the_mask_of_a_detection_says_where_it_is() -> None:
+    """A box around a long thing that lies across may have another in its middle."""
+    mask = np.zeros(DEPTH.shape, dtype=bool)
+    mask[100:140, 250:270] = True
+    whole = np.array([0.0, 0, 320, 240])
+    p_W = middle_points(Detection(1, whole, 1.0, mask), look())
+    assert len(p_W) == 800
+    assert p_W[:, 0].min() > (249 - 159.5) / 300
+    assert len(middle_points(Detection(1, whole, 1.0, mask), look(None))) == 0
+
+
 def test_without_depth_the_other_detector_is_believed() -> None:
     blind = RgbdObservation(
         np.where(np.arange(320) < 160, DEPTH, 0), CAMERA, None, X_WC

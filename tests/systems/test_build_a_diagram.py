@@ -16,7 +16,12 @@ from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.surface import SupportSurface
-from physim_drake.systems import AddPerceptionDiagram, PerceptionConfig, Stamped
+from physim_drake.systems import (
+    AddPerceptionDiagram,
+    OracleDetectorConfig,
+    PerceptionConfig,
+    Stamped,
+)
 from physim_drake.typed_yaml import parse_typed_yaml
 from tests.systems.looks import build, shown
 from tests.test_docs import ROOT, blocks
@@ -29,7 +34,10 @@ def perception() -> Any:
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.01)
     plant.Finalize()
     return AddPerceptionDiagram(
-        builder, PerceptionConfig(), scene_graph, meshcat=Meshcat()
+        builder,
+        PerceptionConfig(detector=OracleDetectorConfig()),
+        scene_graph,
+        meshcat=Meshcat(),
     )
 
 

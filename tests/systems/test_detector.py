@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,15 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from physim_drake.camera import CameraIntrinsics
+from physim_drake.detection.choosing import ChoiceConfig
+from physim_drake.errors import InputError
 from physim_drake.observation import Detection, RgbdObservation
-from physim_drake.systems.detector import Detector, DetectorConfig, OracleDetector
+from physim_drake.systems.detector import (
+    Detector,
+    DetectorConfig,
+    OracleDetector,
+    TrainedDetector,
+)
 from physim_drake.systems.object_instances import ObjectInstance
 from physim_drake.systems.stamped import Stamped
 from tests.synthetic import ERASER, SOAP
@@ -89,6 +97,36 @@ def test_an_oracle_needs_labels() -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(ValueError, match="the oracle needs labels"):
         OracleDetector(INSTANCES).detect(OBSERVATION, None, rng)
+
+
+class Network:
+    """Sees what it is told to."""
+
+    def __init__(self, *found: Detection) -> None:
+        self._found = found
+
+    def detect(self, color: Any, depth: Any) -> tuple[Detection, ...]:
+        assert color.shape == (*depth.shape, 3)
+        return self._found
+
+
+def test_a_trained_detector_shows_its_network_the_colours() -> None:
+    boxes = [np.array([5.0, 5, 25, 25]), np.array([40.0, 5, 60, 25])]
+    network = Network(Detection(SOAP, boxes[0], 0.6), Detection(SOAP, boxes[1], 0.8))
+    color = np.zeros((*OBSERVATION.depth.shape, 3), np.uint8)
+    look = replace(OBSERVATION, color=color)
+    rng = np.random.default_rng(0)
+    (found,) = TrainedDetector(network, {SOAP: 1}).detect(look, None, rng)
+    assert found.score == 0.8
+    assert len(TrainedDetector(network, {SOAP: 2}).detect(look, None, rng)) == 2
+    sure = ChoiceConfig(least_score=0.9)
+    assert TrainedDetector(network, {SOAP: 2}, sure).detect(look, None, rng) == ()
+
+
+def test_a_trained_detector_needs_colour() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(InputError, match="has no colour"):
+        TrainedDetector(Network(), {SOAP: 1}).detect(OBSERVATION, None, rng)
 
 
 def test_any_object_that_detects_is_a_detector() -> None:

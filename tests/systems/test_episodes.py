@@ -16,7 +16,12 @@ from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.episode import EpisodeResult, summary
-from physim_drake.picking.scenario import LookConfig, ObjectsConfig, PickScenario
+from physim_drake.picking.scenario import (
+    DetectorName,
+    LookConfig,
+    ObjectsConfig,
+    PickScenario,
+)
 from physim_drake.picking.task_state import EventKind
 from physim_drake.poses import make_pose
 from physim_drake.systems.episodes import EpisodeRunner, Stopwatch, local_meshcat
@@ -24,7 +29,13 @@ from physim_drake.systems.pick_cell import PickCellParts
 
 ERASER = ObjectsConfig(str(APC11), ("expo_dry_erase_board_eraser",), (1, 1), (1,))
 SCENARIO = PickScenario(
-    objects=ERASER, look=LookConfig(noise=False, expansions=10, method=Method.PCA_ICP)
+    objects=ERASER,
+    look=LookConfig(
+        noise=False,
+        detector=DetectorName.ORACLE,
+        expansions=10,
+        method=Method.PCA_ICP,
+    ),
 )
 
 

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page
 from pydrake.geometry import Meshcat
 
-from physim_drake.picking.scenario import load_scenario
+from physim_drake.picking.scenario import DetectorName, load_scenario
 from physim_drake.systems.episodes import EpisodeRunner, local_meshcat
 from physim_drake.systems.pick_cell import PickCellParts
 from tests.browser import needs_chromium, opened, screenshot, visible_paths
@@ -26,7 +26,9 @@ ESTIMATE = "/perception/look 1/estimate"
 def meshcat() -> Meshcat:
     """After the first estimate of an episode, before the pick."""
     meshcat = local_meshcat()
-    scenario = replace(load_scenario(SCENARIO), max_duration=4.5)
+    scenario = load_scenario(SCENARIO)
+    look = replace(scenario.look, detector=DetectorName.ORACLE)
+    scenario = replace(scenario, look=look, max_duration=4.5)
     with EpisodeRunner(scenario, PickCellParts(meshcat=meshcat)) as runner:
         result = runner.run(0)
     assert len(result.looks) == 1

@@ -7,6 +7,7 @@ import multiprocessing
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,14 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from physim_drake.detection.detector import NetworkDetector
+from physim_drake.detection.networks import ObjectClass
 from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation import Method
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects import ObjectLibrary
+from physim_drake.observation import Detection
 from physim_drake.poses import Array, inverse
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.scene import prepare_scene
@@ -31,9 +35,12 @@ from physim_drake.systems.perception import AddPerceptionDiagram, PerceptionDiag
 from physim_drake.systems.perception_config import (
     EstimatorConfig,
     LatencyConfig,
+    NetworkDetectorConfig,
+    OracleDetectorConfig,
     PerceptionCameraConfig,
     PerceptionConfig,
 )
+from tests.cli.test_detect import write_weights_of
 from tests.synthetic import ERASER, SOAP, library
 from tests.systems.tables import (
     ERASER_NAME,
@@ -46,6 +53,7 @@ from tests.systems.tables import (
 
 SMALL = PerceptionConfig(
     camera=PerceptionCameraConfig(width=320, height=240, X_PB=camera_transform()),
+    detector=OracleDetectorConfig(),
     estimator=EstimatorConfig(expansions=12, representatives=8, rounds=1),
 )
 
@@ -223,6 +231,52 @@ def test_a_frame_that_is_not_there_is_named() -> None:
     config = replace(SMALL, camera=replace(SMALL.camera, X_PB=X_PB))
     with pytest.raises(InputError, match="the plant has no frame 'arm::wrist'"):
         World({}, config)
+
+
+def network(path: Path, *names: str) -> PerceptionConfig:
+    """A configuration with an untrained network that knows the soap and the eraser."""
+    classes = (ObjectClass(SOAP, names[0]), ObjectClass(ERASER, names[1]))
+    write_weights_of(path, classes)
+    return replace(SMALL, detector=NetworkDetectorConfig(str(path)))
+
+
+def test_the_network_sees_the_colours_that_the_camera_gives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def detect(self: Any, color: Any, depth: Any) -> tuple[Detection, ...]:
+        asked.append((color, depth))
+        masks = [np.zeros(depth.shape, bool) for _ in range(4)]
+        for k, mask in enumerate(masks):
+            mask[20 * k : 20 * k + 20, :40] = True
+        scored = ((SOAP, 0.6), (SOAP, 0.9), (ERASER, 0.3), (ERASER, 0.7))
+        return tuple(
+            Detection(i, np.array([0.0, 20 * k, 40, 20 * k + 20]), score, masks[k])
+            for k, (i, score) in enumerate(scored)
+        )
+
+    monkeypatch.setattr(NetworkDetector, "detect", detect)
+    config = network(tmp_path / "weights", SOAP_NAME, ERASER_NAME)
+    world = World(soap_and_eraser(), config, estimator=Weigher())
+    world.trigger(1.0)
+    world.simulator.AdvanceTo(0.02)
+    ((color, depth),) = asked
+    seen = world.shown("observation").value
+    np.testing.assert_array_equal(color, seen.color)
+    np.testing.assert_array_equal(depth, seen.depth)
+    assert color.std() > 5
+    found = world.shown("detections").value
+    assert [(d.object_id, d.score) for d in found] == [(SOAP, 0.9), (ERASER, 0.7)]
+
+
+def test_a_network_that_does_not_know_the_objects_of_the_plant_is_named(
+    tmp_path: Path,
+) -> None:
+    config = network(tmp_path / "weights", SOAP_NAME, "teapot")
+    with pytest.raises(InputError, match=rf"is {ERASER_NAME}, here it is teapot"):
+        World(soap_and_eraser(), config)
+    World({SOAP_NAME: soap_and_eraser()[SOAP_NAME]}, config, estimator=Weigher())
 
 
 def test_a_plant_must_be_finalized() -> None:

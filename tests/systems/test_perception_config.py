@@ -9,7 +9,12 @@ import pytest
 from physim_drake.camera_presets import CameraName
 from physim_drake.errors import InputError
 from physim_drake.estimation import EstimationConfig, Method
-from physim_drake.systems.perception_config import EstimatorConfig, PerceptionConfig
+from physim_drake.systems.perception_config import (
+    EstimatorConfig,
+    NetworkDetectorConfig,
+    OracleDetectorConfig,
+    PerceptionConfig,
+)
 
 ONE_OF_EVERYTHING = """
 camera:
@@ -25,7 +30,7 @@ camera:
     translation: [0.0, 0.1, 0.2]
     rotation: !Rpy {deg: [0.0, 0.0, 90.0]}
   renderer: mine
-detector: {jitter: 0.1, min_pixels: 50, seed: 6}
+detector: !OracleDetectorConfig {jitter: 0.1, min_pixels: 50, seed: 6}
 estimator:
   method: physim-heuristic
   expansions: 100
@@ -63,6 +68,7 @@ def test_one_of_everything(tmp_path: Path) -> None:
     np.testing.assert_allclose(X_PB.translation(), [0.0, 0.1, 0.2])
     assert camera.renderer == "mine"
     detector = config.detector
+    assert isinstance(detector, OracleDetectorConfig)
     assert (detector.jitter, detector.min_pixels, detector.seed) == (0.1, 50, 6)
     estimation = config.estimator.estimation
     assert estimation.method is Method.PHYSIM_HEURISTIC
@@ -82,8 +88,15 @@ def test_nothing_said_is_the_defaults(tmp_path: Path) -> None:
     config = PerceptionConfig.load(written(tmp_path, ""))
     assert config.estimator == EstimatorConfig()
     assert config.estimator.estimation == EstimationConfig()
+    assert config.detector == NetworkDetectorConfig()
     assert config.library == "apc11"
     assert len(config.load_library()) == 11
+
+
+def test_weights_are_found_beside_the_file(tmp_path: Path) -> None:
+    text = "detector: {weights: own.safetensors, least_score: 0.3}"
+    detector = PerceptionConfig.load(written(tmp_path, text)).detector
+    assert detector == NetworkDetectorConfig(str(tmp_path / "own.safetensors"), 0.3)
 
 
 @pytest.mark.parametrize(
@@ -92,6 +105,8 @@ def test_nothing_said_is_the_defaults(tmp_path: Path) -> None:
         ("camera: {prest: d415}", "prest"),
         ("camera: {preset: d999}", "'d999' is not one of d415, d435, sr300"),
         ("camera: {width: 0}", "camera: width: is 0; give pixels"),
+        ("detector: !Oracle {}", "tag value 'Oracle' did not match"),
+        ("detector: {jitter: 0.1}", r"\['jitter'\] were unknown"),
         ("estimator: {method: magic}", "'magic' is not one of physim-mcts"),
         ("estimator: {workers: 0}", "estimator: workers: is 0"),
     ],

@@ -14,14 +14,20 @@ from pydrake.systems.analysis import Simulator
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.cell import PickCellGeometry, cell_geometry, load_objects
-from physim_drake.picking.scenario import ObjectsConfig, PickScenario
+from physim_drake.picking.scenario import (
+    DetectorName,
+    LookConfig,
+    ObjectsConfig,
+    PickScenario,
+)
 from physim_drake.picking.start import PlacedModel
 from physim_drake.poses import make_pose
 from physim_drake.scenes.generation import write_models
 from physim_drake.systems.pick_cell import PickCell
 
 SCENARIO = PickScenario(
-    objects=ObjectsConfig(str(APC11), ("dove_beauty_bar",), (1, 1), (1,))
+    objects=ObjectsConfig(str(APC11), ("dove_beauty_bar",), (1, 1), (1,)),
+    look=LookConfig(detector=DetectorName.ORACLE),
 )
 SOAP = 9
 

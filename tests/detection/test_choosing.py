@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import numpy as np
+
+from physim_drake.detection.choosing import ChoiceConfig, choose_detections
+from physim_drake.observation import Detection
+
+SHAPE = (60, 80)
+ANY = {1: 2, 2: 1}
+
+
+def seen(object_id: int, score: float, left: int, side: int = 20) -> Detection:
+    """A square at the top of the image."""
+    mask = np.zeros(SHAPE, dtype=bool)
+    mask[:side, left : left + side] = True
+    return Detection(object_id, np.array([left, 0.0, left + side, side]), score, mask)
+
+
+def chosen(*found: Detection, config: ChoiceConfig | None = None) -> list[float]:
+    result = choose_detections(found, ANY, SHAPE, config or ChoiceConfig())
+    return [d.score for d in result]
+
+
+def test_the_surest_of_each_object_are_kept_as_many_as_there_are() -> None:
+    assert chosen(seen(1, 0.6, 0), seen(1, 0.9, 20), seen(1, 0.7, 40)) == [0.9, 0.7]
+    assert chosen(seen(2, 0.6, 0), seen(2, 0.9, 20)) == [0.9]
+
+
+def test_what_is_not_there_or_not_sure_or_small_is_dropped() -> None:
+    assert chosen(seen(3, 0.9, 0), seen(1, 0.4, 20), seen(2, 0.8, 40, side=9)) == []
+    lax = ChoiceConfig(least_score=0.4, min_pixels=81)
+    assert chosen(seen(1, 0.4, 20), seen(2, 0.8, 40, side=9), config=lax) == [0.8, 0.4]
+
+
+def test_one_thing_is_not_two_objects() -> None:
+    assert chosen(seen(1, 0.6, 0), seen(2, 0.8, 2)) == [0.8]
+    assert chosen(seen(1, 0.6, 0), seen(2, 0.8, 10)) == [0.8, 0.6]
+
+
+def test_a_detection_that_is_dropped_stands_in_nobodys_way() -> None:
+    assert chosen(seen(2, 0.9, 40), seen(2, 0.8, 0), seen(1, 0.7, 1)) == [0.9, 0.7]
+
+
+def test_detections_may_be_boxes() -> None:
+    found = Detection(1, np.array([0.0, 0.0, 20.0, 20.0]), 0.9)
+    assert chosen(found, seen(2, 0.8, 1)) == [0.9]
