@@ -1,52 +1,110 @@
 # SPDX-License-Identifier: MIT
-"""What the documents say works."""
+"""What the documents say works: every code block is run, or says why it is not."""
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+import yaml
 
 from physim_drake.cli import app
+from physim_drake.errors import PhysimError
 from physim_drake.estimation import EstimationConfig, Method, estimate_scene
+from physim_drake.picking.scenario import PickScenario
+from physim_drake.typed_yaml import parse_typed_yaml
+from tests.documents import (
+    PAGES,
+    ROOT,
+    SHORTER,
+    TESTED_ELSEWHERE,
+    all_blocks,
+    blocks,
+    commands,
+    lay_out,
+    not_run,
+    parse,
+    run,
+)
 
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+SHELL_PAGES = [page for page in PAGES if blocks(page, "sh")]
+LANGUAGES = {"", "json", "python", "sh", "yaml"}
+PROGRAMS = ("physim-drake", ".venv/bin/physim-drake")
+
+NOT_RUN_BLOCKS = 5
+"""Blocks that the tests do not run. Each takes long; none should be added lightly."""
 
 
-def blocks(page: Path, language: str) -> list[str]:
-    """The code blocks of a page in one language."""
-    pattern = rf"^```{language}\n(.*?)^```"
-    return re.findall(pattern, page.read_text(), re.DOTALL | re.MULTILINE)
+def ident(page: Path) -> str:
+    return str(page.relative_to(ROOT))
 
 
-def test_python_of_the_documents_runs(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+@pytest.fixture
+def desk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str, str, dict[str, Any]], None]:
+    """A current folder with what the documents take to be there; runs Python in it."""
+    lay_out(tmp_path)
     monkeypatch.chdir(tmp_path)
     quick = EstimationConfig(Method.PCA_ICP)
     monkeypatch.setattr(estimate_scene, "__defaults__", (quick, None))
+
+    def run_python(text: str, name: str, namespace: dict[str, Any]) -> None:
+        exec(compile(text, name, "exec"), namespace)
+
+    return run_python
+
+
+def test_the_programs_of_readme_and_first_steps_run(
+    desk: Callable[..., None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     namespace: dict[str, Any] = {}
-    for page in (ROOT / "README.md", ROOT / "docs" / "getting-started.md"):
+    for page in (ROOT / "README.md", DOCS / "getting-started.md"):
         code = blocks(page, "python")
         assert code, f"{page.name} shows no Python"
         for text in code:
-            exec(compile(text, page.name, "exec"), namespace)
+            desk(text, page.name, namespace)
     assert "up_glucose_bottle: xyz" in capsys.readouterr().out
     assert (tmp_path / "out" / "scene" / "scene.dmd.yaml").is_file()
     assert (tmp_path / "out" / "overlay.png").is_file()
 
 
-def test_the_integration_test_of_the_documents_passes() -> None:
-    (text,) = blocks(ROOT / "docs" / "integration-tests.md", "python")
-    exec(compile(text, "integration-tests.md", "exec"), {})
+def test_the_integration_test_of_the_documents_passes(
+    desk: Callable[..., None],
+) -> None:
+    plugin, test = blocks(DOCS / "integration-tests.md", "python")
+    namespace: dict[str, Any] = {}
+    desk(plugin, "conftest.py", namespace)
+    assert namespace["pytest_plugins"] == ["physim_drake.pytest_plugin"]
+    desk(test, "integration-tests.md", {})
+
+
+def test_the_cell_of_the_documents_can_work(
+    desk: Callable[..., None], tmp_path: Path
+) -> None:
+    page = DOCS / "your-own-cell.md"
+    cell, scenario, planner = blocks(page, "yaml")
+    for text in (cell, scenario):
+        name = text.splitlines()[0].removeprefix("# ")
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (check,) = blocks(page, "python")
+    namespace: dict[str, Any] = {}
+    desk(check, page.name, namespace)
+    assert namespace["cell"].X_WA[2, 3] == pytest.approx(0.70)
+    (tmp_path / "cell" / "cell.dmd.yaml").write_text(cell.replace("0.64", "1.64"))
+    with pytest.raises(PhysimError, match="reach"):
+        desk(check, page.name, {})
+    shown = yaml.safe_load(planner)["planner"]
+    example = (ROOT / "examples" / "another_robot.py").read_text()
+    for key, value in shown.items():
+        assert yaml.safe_load(re.search(rf"{key}: (.*)", example)[1]) == value  # type: ignore[index]
 
 
 def test_every_python_block_is_in_a_tested_page() -> None:
@@ -55,6 +113,7 @@ def test_every_python_block_is_in_a_tested_page() -> None:
         "build-a-diagram.md",  # in tests/systems
         "getting-started.md",
         "integration-tests.md",
+        "your-own-cell.md",
     }
     assert {page.name for page in PAGES if blocks(page, "python")} == tested
 
@@ -66,12 +125,84 @@ def test_json_of_the_documents_is_json() -> None:
         assert json.loads(text)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_scenario_of_the_documents_is_one() -> None:
+    (text,) = blocks(DOCS / "pick-cell.md", "yaml")
+    scenario = parse_typed_yaml(text, PickScenario)
+    assert scenario.look.views[0].azimuth_deg == 180
+
+
+def test_every_yaml_block_is_in_a_tested_page() -> None:
+    tested = {"build-a-diagram.md", "pick-cell.md", "your-own-cell.md"}
+    assert {page.name for page in PAGES if blocks(page, "yaml")} == tested
+
+
+@pytest.mark.parametrize("page", SHELL_PAGES, ids=ident)
+def test_shell_blocks_run(
+    page: Path, desk: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for block in blocks(page, "sh"):
+        for program, *words in commands(block):
+            if program in PROGRAMS:
+                parse(words)
+                if not_run(block) is None and words[0] not in TESTED_ELSEWHERE:
+                    run(words)
+            else:
+                assert_is_there(program, words)
+
+
+def assert_is_there(program: str, words: list[str]) -> None:
+    """Of what the tests run without the documents: its file or target exists."""
+    if program == "make":
+        targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
+        assert set(words) <= set(targets)
+    elif program in ("pytest", "python"):
+        assert (ROOT / words[0]).is_file()
+    else:
+        pytest.fail(f"{program} {' '.join(words)}: no test knows this program")
+
+
+def test_a_block_that_is_not_run_says_why() -> None:
+    reasons = {
+        ident(page): [r for b in blocks(page, "sh") if (r := not_run(b))]
+        for page in SHELL_PAGES
+    }
+    assert sum(map(len, reasons.values())) == NOT_RUN_BLOCKS, reasons
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ident)
+def test_code_blocks_say_their_language(page: Path) -> None:
+    for language, text in all_blocks(page):
+        assert language in LANGUAGES
+        if language == "":
+            assert not re.search(
+                r"^(\.venv/bin/)?(physim-drake|make|pip|pytest) ", text
+            )
+
+
+def test_what_a_block_may_not_say_is_refused() -> None:
+    parse(["estimate", "DATASET", "--out", "results.csv", "--method", "pca-icp"])
+    parse(["models", "check", "DIR"])
+    for wrong in (
+        ["estimate", "DATASET"],
+        ["estimate", "DATASET", "--out", "r.csv", "--metod", "pca-icp"],
+        ["estimate", "DATASET", "--out", "r.csv", "--method", "METHOD"],
+        ["models", "chekc", "DIR"],
+        ["estimaet", "DATASET"],
+    ):
+        with pytest.raises(Exception, match=r"Missing|No such|not one of|Did you"):
+            parse(wrong)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ident)
 def test_links_lead_somewhere(page: Path) -> None:
     links = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())
     for link in links:
         if not link.startswith("https://"):
             assert (page.parent / link).exists(), link
+
+
+def names() -> list[str]:
+    return sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", ["estimate", "generate", "train", "detect"])
@@ -85,3 +216,7 @@ def test_the_options_of_a_command_are_all_described(name: str) -> None:
     described = set(re.findall(r"^\| `(--[a-z-]+)", section, re.MULTILINE))
     switches = {o.replace("--no-", "--") for o in described}
     assert switches - {"--help"} == options - {"--help"}
+
+
+def test_every_command_is_run_or_said_not_to_be() -> None:
+    assert set(SHORTER) | set(TESTED_ELSEWHERE) <= set(names())
