@@ -79,6 +79,7 @@ class Explorer:
 
     Attributes:
         library: the objects.
+        cell: what it looks at.
 
     Raises:
         InputError: where the scenario cannot work.
@@ -101,7 +102,7 @@ class Explorer:
         check_cell(self._scenario, self._geometry)
         self._folder = tempfile.TemporaryDirectory()
         self._files = write_models(self.library, Path(self._folder.name))
-        self._cell = LookingCell(
+        self.cell = LookingCell(
             self._scenario, self.library, self._files, conditions, config.seed
         )
         self._estimator = PoseEstimator(
@@ -135,7 +136,7 @@ class Explorer:
         views: list[EstimatedView] = []
         self._geometry.planner.set_scene(known)
         for q in self._postures(rng):
-            observation, labels = self._cell.look(q, self._look_number(number, views))
+            observation, labels = self.cell.look(q, self._look_number(number, views))
             found = detector.detect(observation, labels, rng)
             view = self._learner.estimated(observation, found)
             views.append(view)
@@ -158,7 +159,7 @@ class Explorer:
         images: list[BopImage] = []
         for q in self._postures(rng):
             look = self._look_number(number, images)
-            images.append(self._with_truth(start, *self._cell.look(q, look)))
+            images.append(self._with_truth(start, *self.cell.look(q, look)))
         return tuple(image for image in images if image.object_ids)
 
     def close(self) -> None:
@@ -184,7 +185,7 @@ class Explorer:
         start = draw_start(
             self._scenario, self.library, self._files, self._geometry.X_WA, number
         )
-        self._cell.place(start)
+        self.cell.place(start)
         return start, np.random.default_rng([self._config.seed, 4, number])
 
     def _postures(self, rng: np.random.Generator) -> Iterator[Array]:
@@ -204,7 +205,7 @@ class Explorer:
         assert observation.X_WC is not None, "the arm's kinematics give it"
         objects = [AgreedObject(m.object_id, m.X_WO, 1.0, ()) for m in start]
         drawn = project_objects(objects, self.library, observation, np.inf)
-        visible = self._cell.true_masks(labels, [m.object_id for m in start])
+        visible = self.cell.true_masks(labels, [m.object_id for m in start])
         whole = drawn.silhouettes | visible
         shown = np.flatnonzero(
             visible.sum(axis=(1, 2)) > _SEEN * whole.sum(axis=(1, 2))

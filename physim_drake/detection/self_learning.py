@@ -52,6 +52,7 @@ class SelfLearningConfig:
         min_score: detections of less are not followed.
         max_overlap: of two detections whose boxes overlap by more, whatever their
             objects, the better one is followed.
+        max_followed: so many of the best, at most.
         agreement: when views agree.
         margin: depths that differ by less agree, m.
         max_refuted: an object is dropped where the views see through more than this
@@ -61,6 +62,7 @@ class SelfLearningConfig:
 
     min_score: float = 0.3
     max_overlap: float = 0.7
+    max_followed: int = 8
     agreement: AgreementConfig = field(default_factory=AgreementConfig)
     margin: float = 0.008
     max_refuted: float = 0.15
@@ -174,7 +176,7 @@ def followed_detections(
             max(overlaps, default=0.0) <= config.max_overlap
         ):
             chosen.append(detection)
-    return tuple(chosen)
+    return tuple(chosen[: config.max_followed])
 
 
 def box_overlap(one: Array, other: Array) -> float:

@@ -27,7 +27,7 @@ from physim_drake.picking.planner_config import PlanFailure
 from physim_drake.picking.viewpoints import look_at
 from physim_drake.poses import Array
 
-_TRIES = 12  # proposals for each view that is asked for
+_TRIES = 8  # proposals for each view that is asked for
 _ELEVATION = (0.7, 1.45)  # rad above the surface
 _DISTANCE = (0.42, 0.7)  # m
 _SHIFT = 0.04  # m, by which a view is off the middle

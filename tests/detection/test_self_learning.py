@@ -133,6 +133,8 @@ def test_the_best_detection_of_a_place_is_followed():
     beside, poor = detection(1, 4.0, 0.5), detection(3, 50.0, 0.2)
     found = followed_detections([poor, beside, same_place, best], config)
     assert found == (best, beside)
+    few = SelfLearningConfig(max_followed=1)
+    assert followed_detections([beside, best], few) == (best,)
 
 
 def test_overlap_of_boxes():
