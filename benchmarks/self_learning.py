@@ -132,7 +132,7 @@ def _once(folder: Path, make: Callable[[Path], None]) -> None:
 
 
 def _explorer(args: argparse.Namespace, seed: int) -> Explorer:
-    scenario = PickScenario(objects=ObjectsConfig(str(APC11), count=(3, 4)))
+    scenario = PickScenario(objects=ObjectsConfig(str(APC11)))
     conditions = load_typed_yaml(args.conditions, LookingConditions)
     config = ExplorationConfig(args.views, args.workers, seed)
     return Explorer(scenario, conditions, config)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from physim_drake.cli.options import Quiet
+from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
 from physim_drake.models import APC11, DETECTOR
 
 
@@ -51,6 +51,7 @@ def learn(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
     quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Look at scenes with the robot's camera, and label what the detector missed.
 
@@ -61,12 +62,8 @@ def learn(
 
     Example: `physim-drake learn out/learnt --conditions examples/scenarios/dim.yaml`
     """
-    import logging
-
-    from rich.console import Console
-    from rich.progress import Progress
-
     from physim_drake.cli.estimate import default_workers
+    from physim_drake.cli.progress import Steps
     from physim_drake.detection.detector import NetworkDetector
     from physim_drake.detection.self_learning import LabelledScene
     from physim_drake.picking.looking import LookingConditions
@@ -83,8 +80,7 @@ def learn(
     )
     from physim_drake.typed_yaml import load_typed_yaml
 
-    logging.getLogger("drake").setLevel(logging.ERROR)
-    cell = PickScenario(objects=ObjectsConfig(library=str(APC11), count=(3, 4)))
+    cell = PickScenario(objects=ObjectsConfig(library=str(APC11)))
     if scenario is not None:
         cell = load_scenario(scenario)
     how = LookingConditions()
@@ -92,14 +88,13 @@ def learn(
         how = load_typed_yaml(conditions, LookingConditions)
     detector = NetworkDetector.load(weights, threads)
     config = ExplorationConfig(views, workers or default_workers(), seed)
-    console = Console(stderr=True, quiet=quiet)
-    with Explorer(cell, how, config) as explorer, Progress(console=console) as bar:
+    steps = Steps(messages(quiet), "scene", scenes)
+    with Explorer(cell, how, config) as explorer, steps:
         names = {i: model.name for i, model in explorer.library.items()}
         detector.check_objects(names, explorer.library.source)
-        task = bar.add_task("scenes", total=scenes)
 
         def show(number: int, scene: LabelledScene) -> None:
-            bar.update(task, completed=number + 1)
+            steps.reach(number + 1)
 
         algorithm = NetworkAlgorithm(detector)
         figures = explore_scenes(explorer, algorithm, out, scenes, show)

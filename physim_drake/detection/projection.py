@@ -166,7 +166,7 @@ def labelled_image(
     assert observation.X_WC is not None, "views are taken from known places"
     assert observation.color is not None, "detectors look at colour"
     color, depth = observation.color.copy(), observation.depth.copy()
-    if unknown.any():
+    if unknown.any() and not unknown.all():
         color[unknown] = np.median(observation.color[~unknown], axis=0)
         depth[unknown] = 0.0
     counts = projected.visible.sum(axis=(1, 2))
