@@ -25,6 +25,7 @@ from physim_drake.batch import (
     estimate_images,
     match_detections,
 )
+from physim_drake.cli.interrupts import say_interrupted
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.estimation import EstimationConfig, PoseEstimator
@@ -132,11 +133,8 @@ class EstimateRun:
         try:
             yield
         except KeyboardInterrupt:
-            self._console.print(
-                f"interrupted: {len(writer.done)} images are in {writer.path}; "
-                "--resume goes on",
-                markup=False,
-                soft_wrap=True,
+            say_interrupted(
+                f"{len(writer.done)} images are in {writer.path}; --resume goes on"
             )
             raise
 
