@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
 from physim_drake.models import DETECTOR
 
 
@@ -47,14 +48,14 @@ def detect(
     threads: Annotated[
         int | None, typer.Option(min=1, help="CPU threads; by default one a core.")
     ] = None,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Detect the known objects in a dataset's images, with boxes and masks.
 
     Example: `physim-drake detect datasets/lab --out detections.json --overlays out`
     """
-    from rich.console import Console
-    from rich.progress import track
-
+    from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.detection.detect_images import (
         detect_images,
@@ -75,20 +76,16 @@ def detect(
     names = {c.object_id: c.name for c in detector.classes}
     entries, seconds = [], 0.0
     results = detect_images(detector, data, images, least_score)
-    for result in track(
-        results,
-        "images",
-        total=len(images),
-        console=Console(stderr=True),
-        transient=True,
-    ):
-        entries += result.entries()
-        seconds += result.seconds
-        if overlays is not None and result.observation.color is not None:
-            shown = [d for d in result.detections if d.score >= drawn_score]
-            picture = draw_detections(result.observation.color, shown, names)
-            scene_id, im_id = result.image
-            write_png(overlays / f"{scene_id:06d}_{im_id:06d}.png", picture)
+    with Steps(messages(quiet), "image", len(images)) as steps:
+        for result in results:
+            entries += result.entries()
+            seconds += result.seconds
+            if overlays is not None and result.observation.color is not None:
+                shown = [d for d in result.detections if d.score >= drawn_score]
+                picture = draw_detections(result.observation.color, shown, names)
+                scene_id, im_id = result.image
+                write_png(overlays / f"{scene_id:06d}_{im_id:06d}.png", picture)
+            steps.advance()
     write_detections(out, entries)
     typer.echo(
         f"{len(entries)} detections in {len(images)} images, "

@@ -27,6 +27,8 @@ def doctor(
     box is dropped, processes are started. It takes some ten seconds.
 
     Exit status: 0 where nothing fails, else 1.
+
+    Example: `physim-drake doctor --json`
     """
     from physim_drake.installation import Status, check_installation
 

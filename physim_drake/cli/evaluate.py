@@ -30,7 +30,9 @@ def evaluate(
     json_file: Annotated[
         Path | None,
         typer.Option(
-            "--json", metavar="FILE", help="Write every target's errors to FILE, too."
+            "--json",
+            metavar="FILE",
+            help="Write every target's errors to FILE, too; - prints them instead.",
         ),
     ] = None,
     models: Annotated[
@@ -53,14 +55,12 @@ def evaluate(
 
     Example: `physim-drake evaluate results.csv datasets/apc11 --json report.json`
     """
-    import json
-
     from rich.console import Console
 
+    from physim_drake.cli.options import write_json
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results import read_results
     from physim_drake.evaluation.evaluate import evaluate_results
-    from physim_drake.files import write_atomically
     from physim_drake.objects import ObjectLibrary
     from physim_drake.rendering.depth import DepthRenderer
 
@@ -74,10 +74,8 @@ def evaluate(
         library,
         (lambda intrinsics: DepthRenderer(library, intrinsics)) if vsd else None,
     )
-    if json_file is not None:
-        with write_atomically(json_file) as file:
-            json.dump(report.as_dict(), file, indent=1, allow_nan=False)
-            file.write("\n")
+    if json_file is not None and write_json(json_file, report.as_dict()):
+        return
     console = Console(highlight=False)
     if not console.is_terminal:
         # A file or pipe has no width; rich would take 80 and cut the table.

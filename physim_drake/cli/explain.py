@@ -8,7 +8,13 @@ from typing import Annotated
 
 import typer
 
-from physim_drake.cli.options import Quiet, surface_height
+from physim_drake.cli.options import (
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+    surface_height,
+)
 
 
 def explain(
@@ -73,6 +79,7 @@ def explain(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
     quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Show how the poses of one image are found, stage by stage, on one HTML page.
 
@@ -84,8 +91,6 @@ def explain(
 
     Example: `physim-drake explain datasets/lab --image 1/3 --out explained`
     """
-    from rich.console import Console
-
     from physim_drake.batch import choose_images, detection_lookup
     from physim_drake.cli.estimate import default_workers
     from physim_drake.datasets.bop import BopDataset
@@ -109,7 +114,7 @@ def explain(
     config = EstimationConfig(seed=seed, workers=workers or default_workers())
     config = config.with_budget(expansions, hypotheses)
     make_folder(out)
-    console = Console(stderr=True, highlight=False, quiet=quiet)
+    console = messages(quiet)
     with console.status("estimating, and watching how"):
         explanation = explain_image(
             data, chosen, look_up, source, library, config, height, wanted

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
 
@@ -68,6 +69,8 @@ def generate(
     resume: Annotated[
         bool, typer.Option(help="Keep the scenes that an earlier run finished.")
     ] = False,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Generate cluttered scenes with exact ground truth, as a BOP dataset.
 
@@ -82,15 +85,8 @@ def generate(
     level_numbers = _levels(levels)
     fewest, most = _range(objects)
 
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TimeRemainingColumn,
-    )
-
     from physim_drake.camera_presets import CameraName
+    from physim_drake.cli.progress import Steps
     from physim_drake.objects import ObjectLibrary
     from physim_drake.scenes.containers import ContainerName
     from physim_drake.scenes.dataset import generate_dataset
@@ -109,18 +105,13 @@ def generate(
         ),
     )
     library = ObjectLibrary.load(models)
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress("scenes", *columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("scenes", total=scenes)
-        generate_dataset(
-            out,
-            library,
-            config,
-            scenes,
-            workers,
-            resume,
-            lambda done: bar.update(task, completed=done),
-        )
+    with Steps(messages(quiet), "scene", scenes) as steps:
+
+        def tell(done: int) -> None:
+            # First, how many an earlier run has made.
+            (steps.reach if steps.begun else steps.begin)(done)
+
+        generate_dataset(out, library, config, scenes, workers, resume, tell)
     typer.echo(f"{scenes * views} images of {scenes} scenes in {out}")
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -47,23 +46,33 @@ def check(
         typer.Argument(help="A library.yaml's folder, a BOP models folder, or meshes."),
     ],
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write the facts to this file.")
+        Path | None,
+        typer.Option(
+            "--json",
+            metavar="FILE",
+            help="Write the facts to FILE, too; - prints them instead.",
+        ),
     ] = None,
 ) -> None:
-    """Loads all models of a folder and shows size, symmetry, collision and problems."""
+    """Load all models of a folder; show size, symmetry, collision and problems.
+
+    Example: `physim-drake models check datasets/lab/models`
+    """
     from rich.console import Console
 
+    from physim_drake.cli.options import write_json
     from physim_drake.objects import ObjectLibrary
 
     reports = [report(model) for model in ObjectLibrary.load(folder).values()]
+    if json_file is not None:
+        facts = [asdict(item) for item in reports]
+        if write_json(json_file, facts):
+            return
     console = Console()
     console.print(_table(reports, str(folder)))
     for item in reports:
         for problem in item.problems:
             console.print(f"{item.id} {item.name}: {problem}", markup=False)
-    if json_file is not None:
-        text = json.dumps([asdict(item) for item in reports], indent=1)
-        json_file.write_text(text + "\n", encoding="utf-8")
 
 
 def report(model: ObjectModel) -> ModelReport:

@@ -3,17 +3,83 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from typing import Annotated
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from physim_drake.errors import InputError
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="No progress; results and errors only.")
 ]
-"""Of commands that take long: `Console(stderr=True, quiet=quiet)` keeps to it."""
+"""Of commands that take long: `messages(quiet)` keeps to it."""
+
+
+class LogLevelName(StrEnum):
+    """How much of what goes on within is told."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+def set_log_level(name: LogLevelName) -> LogLevelName:
+    """Lets the loggers of this process, Drake's among them, write to stderr."""
+    level = getattr(logging, name.upper())
+    logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s")
+    logging.getLogger().setLevel(level)
+    # Drake's warnings are about models that we ship and know.
+    known = name is LogLevelName.WARNING
+    logging.getLogger("drake").setLevel(logging.ERROR if known else level)
+    return name
+
+
+LogLevel = Annotated[
+    LogLevelName,
+    typer.Option(
+        "--log-level",
+        callback=set_log_level,
+        help="Least severity of messages from within, Drake's included.",
+    ),
+]
+"""Of commands that take long; its callback does all, so that none needs the value."""
+
+
+def messages(quiet: bool) -> Console:
+    """Where commands say how far they are: stderr, or nowhere."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False, quiet=quiet)
+
+
+def write_json(path: Path, value: Any) -> bool:
+    """Writes a value to a file, or for `-` to stdout, which is then all of the output.
+
+    Returns:
+        whether it went to stdout.
+
+    Raises:
+        InputError: where the file cannot be written.
+    """
+    import json
+
+    from physim_drake.files import write_atomically
+
+    text = json.dumps(value, indent=1, allow_nan=False)
+    if str(path) == "-":
+        typer.echo(text)
+        return True
+    with write_atomically(path) as file:
+        file.write(f"{text}\n")
+    return False
 
 
 def surface_height(text: str) -> float | None:

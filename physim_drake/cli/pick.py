@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from physim_drake.cli.options import (
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+    write_json,
+)
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,6 +25,7 @@ if TYPE_CHECKING:
     from pydrake.systems.framework import Context
     from rich.table import Table
 
+    from physim_drake.cli.progress import Steps
     from physim_drake.picking.episode import EpisodeResult
     from physim_drake.picking.scenario import PickScenario
     from physim_drake.systems.episodes import EpisodeRunner
@@ -78,8 +86,14 @@ def pick(
     ] = None,
     json_file: Annotated[
         Path | None,
-        typer.Option("--json", metavar="FILE", help="Write all figures to FILE."),
+        typer.Option(
+            "--json",
+            metavar="FILE",
+            help="Write all figures to FILE; - prints them instead of the table.",
+        ),
     ] = None,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Clear a table with a robot: look, estimate, plan, pick, place, look again.
 
@@ -91,20 +105,18 @@ def pick(
 
     Example: `physim-drake pick examples/scenarios/clutter.yaml --episodes 10 --seed 0`
     """
-    import json
-    import logging
     from dataclasses import replace
 
     from rich.console import Console
 
-    from physim_drake.files import make_folder, write_atomically
+    from physim_drake.cli.progress import Steps
+    from physim_drake.files import make_folder
     from physim_drake.picking.episode import summary
     from physim_drake.picking.scenario import load_scenario
     from physim_drake.reporting.episodes import write_episodes_report
     from physim_drake.systems.episodes import EpisodeRunner, local_meshcat
     from physim_drake.systems.pick_cell import PickCellParts
 
-    logging.getLogger("drake").setLevel(logging.ERROR)
     loaded = _choose_detector(load_scenario(scenario), detector, weights)
     if seed is not None:
         loaded = replace(loaded, random_seed=seed)
@@ -116,19 +128,18 @@ def pick(
     results: list[EpisodeResult] = []
     replays: list[str] = []
     try:
-        with EpisodeRunner(loaded, PickCellParts(meshcat=shown)) as runner:
+        steps = Steps(messages(quiet), "episode", episodes)
+        with EpisodeRunner(loaded, PickCellParts(meshcat=shown)) as runner, steps:
             for number in range(episodes):
-                results.append(_run(runner, number, episodes))
+                results.append(_run(runner, number, episodes, steps))
                 if record is not None and shown is not None:
                     replays.append(_replay(record, number, shown))
     except InputError as error:
         raise _in_file(error, scenario) from error
     if record is not None:
         write_episodes_report(results, replays, str(loaded.random_seed), record)
-    if json_file is not None:
-        with write_atomically(json_file) as file:
-            json.dump(summary(results), file, indent=1, allow_nan=False)
-            file.write("\n")
+    if json_file is not None and write_json(json_file, summary(results)):
+        return
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = 120
@@ -161,24 +172,20 @@ def _choose_detector(
     return replace(scenario, look=look)
 
 
-def _run(runner: EpisodeRunner, number: int, count: int) -> EpisodeResult:
-    """One episode; how far it is, then a line about it, on stderr."""
-    from rich.console import Console
+def _run(runner: EpisodeRunner, number: int, count: int, steps: Steps) -> EpisodeResult:
+    """One episode; how far it is, then a line about it."""
 
-    title = f"episode {number + 1} of {count}"
-    with Console(stderr=True).status(title) as status:
+    def show(cell: PickCell, context: Context) -> None:
+        phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
+        steps.reach(number, f"{context.get_time():.1f} s, {phase}")
 
-        def show(cell: PickCell, context: Context) -> None:
-            phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
-            status.update(f"{title}: {context.get_time():.1f} s, {phase}")
-
-        result = runner.run(number, show)
-    typer.echo(
-        f"{title}: {result.cleared} of {len(result.objects)} "
+    result = runner.run(number, show)
+    steps.say(
+        f"episode {number + 1} of {count}: {result.cleared} of {len(result.objects)} "
         f"objects cleared, {result.simulated:.0f} s simulated in {result.wall:.0f} s; "
-        f"{result.end}",
-        err=True,
+        f"{result.end}"
     )
+    steps.reach(number + 1)
     return result
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
 from physim_drake.models import APC11
 
 if TYPE_CHECKING:
@@ -125,6 +126,8 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with what an earlier run left.")
     ] = False,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Train a detector on scenes that it generates itself.
 
@@ -139,7 +142,6 @@ def train(
     Example: `physim-drake train out/detector --models datasets/lab/models`
     """
     import torch
-    from rich.console import Console
 
     from physim_drake.cli.estimate import default_workers
     from physim_drake.detection.config import BackboneName, NetworkConfig, NetworkKind
@@ -178,8 +180,7 @@ def train(
         start=start,
     )
     library = ObjectLibrary.load(models)
-    console = Console(stderr=True, highlight=False)
-    with _Reporter(console) as tell:
+    with _Reporter(messages(quiet)) as tell:
         run = DetectorTraining(
             out, library, config, workers or default_workers(), where, resume, tell
         )
