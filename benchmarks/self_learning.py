@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from physim_drake.datasets.bop import BopDataset
+from physim_drake.detection.choosing import ChoiceConfig
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.devices import (
     DeviceName,
@@ -42,12 +43,15 @@ from physim_drake.models import APC11, DETECTOR
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.looking import LookingConditions
 from physim_drake.picking.scenario import ObjectsConfig, PickScenario
-from physim_drake.systems.detector import DetectionAlgorithm, OracleDetector
+from physim_drake.systems.detector import (
+    DetectionAlgorithm,
+    OracleDetector,
+    TrainedDetector,
+)
 from physim_drake.systems.exploration import (
     LEARNING_FILE,
     ExplorationConfig,
     Explorer,
-    NetworkAlgorithm,
     explore_scenes,
     write_judged_scenes,
 )
@@ -148,7 +152,11 @@ def _explore(args: argparse.Namespace, folder: Path) -> None:
         detector: DetectionAlgorithm = (
             OracleDetector(explorer.cell.instances)
             if args.oracle
-            else NetworkAlgorithm(NetworkDetector.load(args.weights))
+            else TrainedDetector(
+                NetworkDetector.load(args.weights),
+                dict.fromkeys(explorer.library, 1),
+                ChoiceConfig(least_score=0.3),
+            )
         )
         explore_scenes(
             explorer,

@@ -18,7 +18,6 @@ from physim_drake.datasets.bop_writer import (
     write_bop_models,
     write_json,
 )
-from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.multiview import AgreedObject, EstimatedView
 from physim_drake.detection.projection import ObjectArea, project_objects
 from physim_drake.detection.self_learning import (
@@ -32,7 +31,7 @@ from physim_drake.estimate import SceneEstimate
 from physim_drake.estimation import PoseEstimator
 from physim_drake.files import cannot_write, make_folder
 from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation import RgbdObservation
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
 from physim_drake.picking.known_scene import NOTHING_KNOWN, merged
 from physim_drake.picking.looking import LookingConditions, looking_postures
@@ -298,32 +297,3 @@ def _new_dataset(out: Path, library: ObjectLibrary) -> Iterator[Path]:
         yield out / SPLIT
     except OSError as error:
         raise cannot_write(out, error) from error
-
-
-class NetworkAlgorithm:
-    """A network as the detection algorithm of a cell.
-
-    Args:
-        detector: the network.
-        least_score: detections of less are dropped.
-    """
-
-    def __init__(self, detector: NetworkDetector, least_score: float = 0.05) -> None:
-        self._detector, self._least_score = detector, least_score
-
-    def detect(
-        self,
-        observation: RgbdObservation,
-        labels: LabelImage | None,
-        generator: np.random.Generator,
-    ) -> tuple[Detection, ...]:
-        """Finds the objects in an image.
-
-        Raises:
-            InputError: where it has no colour.
-        """
-        if observation.color is None:
-            raise InputError(observation.name, "has no colour", "give colour images")
-        return self._detector.detect(
-            observation.color, observation.depth, self._least_score
-        )

@@ -42,6 +42,12 @@ def learn(
     ] = None,
     scenes: Annotated[int, typer.Option(min=1, help="Scenes to look at.")] = 40,
     views: Annotated[int, typer.Option(min=2, help="Views of each.")] = 5,
+    least_score: Annotated[
+        float,
+        typer.Option(
+            min=0.0, max=1.0, help="Less certain detections are not followed."
+        ),
+    ] = 0.3,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="Processes that estimate; by default one a core."),
@@ -64,6 +70,7 @@ def learn(
     """
     from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
+    from physim_drake.detection.choosing import ChoiceConfig
     from physim_drake.detection.detector import NetworkDetector
     from physim_drake.detection.self_learning import LabelledScene
     from physim_drake.picking.looking import LookingConditions
@@ -72,10 +79,10 @@ def learn(
         PickScenario,
         load_scenario,
     )
+    from physim_drake.systems.detector import TrainedDetector
     from physim_drake.systems.exploration import (
         ExplorationConfig,
         Explorer,
-        NetworkAlgorithm,
         explore_scenes,
     )
     from physim_drake.typed_yaml import load_typed_yaml
@@ -96,7 +103,9 @@ def learn(
         def show(number: int, scene: LabelledScene) -> None:
             steps.reach(number + 1)
 
-        algorithm = NetworkAlgorithm(detector)
+        algorithm = TrainedDetector(
+            detector, dict.fromkeys(explorer.library, 1), ChoiceConfig(least_score)
+        )
         figures = explore_scenes(explorer, algorithm, out, scenes, show)
     typer.echo(
         f"{out}: {figures['images']} images with {figures['labels']} labels, "

@@ -49,10 +49,6 @@ class SelfLearningConfig:
     """What is taken for certain.
 
     Attributes:
-        min_score: detections of less are not followed.
-        max_overlap: of two detections whose boxes overlap by more, whatever their
-            objects, the better one is followed.
-        max_followed: so many of the best, at most.
         agreement: when views agree.
         margin: depths that differ by less agree, m.
         max_refuted: an object is dropped where the views see through more than this
@@ -60,9 +56,6 @@ class SelfLearningConfig:
         min_pixels: an object of which less shows in an image gets no label there.
     """
 
-    min_score: float = 0.3
-    max_overlap: float = 0.7
-    max_followed: int = 8
     agreement: AgreementConfig = field(default_factory=AgreementConfig)
     margin: float = 0.008
     max_refuted: float = 0.15
@@ -111,6 +104,10 @@ class SceneLearner:
     ) -> EstimatedView:
         """Estimates poses in one view from what the detector found there.
 
+        Args:
+            observation: the image.
+            detections: those to believe, one a place.
+
         Raises:
             InputError: where the camera's pose or the colour is unknown.
         """
@@ -120,12 +117,11 @@ class SceneLearner:
                 "has no camera pose or no colour",
                 "give both, to learn from it",
             )
-        followed = followed_detections(detections, self._config)
-        if not followed:
+        if not detections:
             return EstimatedView(observation, (), ())
         height = float(self._area.X_WA[2, 3])
-        estimate = self._estimator.estimate(observation, followed, height)
-        return EstimatedView(observation, followed, estimate.objects)
+        estimate = self._estimator.estimate(observation, detections, height)
+        return EstimatedView(observation, tuple(detections), estimate.objects)
 
     def labelled(self, views: Sequence[EstimatedView]) -> LabelledScene:
         """Labels all views of a scene by what they agree on."""
@@ -163,20 +159,6 @@ class SceneLearner:
             )
             for view in views
         ]
-
-
-def followed_detections(
-    detections: Sequence[Detection], config: SelfLearningConfig
-) -> tuple[Detection, ...]:
-    """The detections that are good enough, one a place, best first."""
-    chosen: list[Detection] = []
-    for detection in sorted(detections, key=lambda d: -d.score):
-        overlaps = [box_overlap(detection.box, other.box) for other in chosen]
-        if detection.score >= config.min_score and (
-            max(overlaps, default=0.0) <= config.max_overlap
-        ):
-            chosen.append(detection)
-    return tuple(chosen[: config.max_followed])
 
 
 def box_overlap(one: Array, other: Array) -> float:

@@ -11,14 +11,11 @@ from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection.self_learning import (
     LabelledScene,
     SceneLearner,
-    SelfLearningConfig,
     box_overlap,
-    followed_detections,
     write_labelled_scene,
 )
 from physim_drake.errors import InputError
 from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
-from physim_drake.observation import Detection
 from tests.detection.views import AREA, CAMERAS, seen_from, view_of
 from tests.synthetic import (
     ERASER,
@@ -121,20 +118,6 @@ def test_a_view_without_a_pose_is_refused(learner: SceneLearner):
         learner.estimated(replace(observation, X_WC=None), [])
     with pytest.raises(InputError, match="no colour"):
         learner.estimated(replace(observation, color=None), [])
-
-
-def detection(object_id: int, left: float, score: float) -> Detection:
-    return Detection(object_id, np.array([left, 0.0, left + 10.0, 10.0]), score)
-
-
-def test_the_best_detection_of_a_place_is_followed():
-    config = SelfLearningConfig(min_score=0.3, max_overlap=0.7)
-    best, same_place = detection(1, 0.0, 0.9), detection(2, 1.0, 0.8)
-    beside, poor = detection(1, 4.0, 0.5), detection(3, 50.0, 0.2)
-    found = followed_detections([poor, beside, same_place, best], config)
-    assert found == (best, beside)
-    few = SelfLearningConfig(max_followed=1)
-    assert followed_detections([beside, best], few) == (best,)
 
 
 def test_overlap_of_boxes():
