@@ -1,19 +1,25 @@
 # SPDX-License-Identifier: MIT
-"""How long an estimate takes, and where the time goes.
+"""How long an estimate takes, where the time goes, and how it grows with the scene.
 
     python benchmarks/speed.py [DATASET] [--image S/I] [--repeats 5] [--json FILE]
+        [--objects 1,3,6,12,20] [--piles 5,10] [--workers 1,2] [--search plain]
 
-Without a dataset, the bundled example scene is used. Every figure is a median over the
-repeats, after one run that warms caches and compiles kernels.
+Without a dataset, the bundled example image is used. Then scenes of so many objects
+are generated, once spread over the table and once in a pile, and estimated whole.
+Every figure is a median over the repeats, after one run that warms caches and compiles
+kernels. Memory is the peak of the main process and of the largest worker.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import resource
 import statistics
 import time
+from collections.abc import Sequence
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +31,7 @@ from threadpoolctl import threadpool_limits
 
 from physim_drake.batch import choose_images, detection_lookup, match_detections
 from physim_drake.datasets.bop import BopDataset
+from physim_drake.estimate import SceneEstimate
 from physim_drake.estimation import EstimationConfig, PoseEstimator
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
@@ -32,9 +39,19 @@ from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.scene import prepare_scene
 from physim_drake.search.expansion import Rollout
 from physim_drake.surface import find_support_surface
+from physim_drake.testing import ObservedScene, compare_poses, observed_scene
 from physim_drake.workers import Worker, WorkerConfig
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "data" / "tabletop"
+_ROLLOUTS = 20
+_MISSING = 60.0, 1.0  # degrees and m that a missing object counts
+
+
+class Search(StrEnum):
+    """Which settings of the search."""
+
+    DEFAULT = "default"
+    PLAIN = "plain"
 
 
 def main(
@@ -42,9 +59,18 @@ def main(
     image: str = "",
     models: Path | None = None,
     repeats: int = 5,
+    objects: Annotated[
+        str, typer.Option(help="Numbers of objects apart; empty for none.")
+    ] = "1,2,3,6,12,20",
+    piles: Annotated[str, typer.Option(help="Numbers of objects in a pile.")] = "5,10",
+    workers: Annotated[str, typer.Option(help="Numbers of processes.")] = "1,2",
+    search: Annotated[
+        Search, typer.Option(help="plain: the paper's, without an early stop.")
+    ] = Search.DEFAULT,
+    seed: Annotated[int, typer.Option(help="Of the generated scenes.")] = 0,
     json_file: Annotated[Path | None, typer.Option("--json")] = None,
 ) -> None:
-    """Times the stages on one core, and whole images on one and two."""
+    """Times the stages on one core, and whole images."""
     bop = BopDataset(dataset)
     targets = bop.targets()
     chosen = choose_images(targets, [image] if image else [])[0]
@@ -53,22 +79,65 @@ def main(
     folder = models or (APC11 if dataset == EXAMPLE else bop.models)
     library = ObjectLibrary.load(folder, {d.object_id for d in detections})
     observation = bop.observation(*chosen)
+    config = configuration(search)
+    processes = _numbers(workers)
 
-    figures = {
+    console = Console()
+    stages = {
         "objects": len(detections),
         **_stages(library, observation, detections, repeats),
-        **_images(library, observation, detections, repeats),
     }
-    usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    figures["main_memory_mb"] = usage / 1024
-    children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    figures["worker_memory_mb"] = children / 1024
+    for count in processes:
+        config = replace(config, workers=count)
+        runs, _ = _runs(library, config, observation, detections, repeats)
+        stages |= {f"{name}_{count}w": x for name, x in _image_figures(runs).items()}
     table = Table("figure", "median", title=f"{dataset.name} {chosen[0]}/{chosen[1]}")
-    for name, value in figures.items():
+    for name, value in stages.items():
         table.add_row(name.replace("_", " "), f"{value:.4g}")
-    Console().print(table)
+    console.print(table)
+
+    wanted = [("apart", n) for n in _numbers(objects)]
+    wanted += [("pile", n) for n in _numbers(piles)]
+    everything = ObjectLibrary.load(APC11)
+    rows = []
+    for kind, number in wanted:
+        level = 1 if kind == "apart" else number
+        scene = observed_scene(everything, level, seed, (number, number))
+        for count in processes:
+            config = replace(config, workers=count)
+            rows.append(_scene_row(kind, scene, everything, config, repeats))
+    if rows:
+        console.print(_scene_table(rows))
+    memory = {
+        "main_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "worker_memory_mb": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+        / 1024,
+    }
+    console.print(
+        f"peak memory: main {memory['main_memory_mb']:.0f} MB, "
+        f"a worker {memory['worker_memory_mb']:.0f} MB"
+    )
     if json_file:
-        json_file.write_text(json.dumps(figures, indent=1) + "\n")
+        report = {
+            "search": search,
+            "repeats": repeats,
+            **stages,
+            **memory,
+            "scenes": rows,
+        }
+        json_file.write_text(json.dumps(report, indent=1) + "\n")
+
+
+def configuration(search: Search) -> EstimationConfig:
+    """The default settings, or the search of the paper: all 250 expansions, once."""
+    config = EstimationConfig()
+    if search is Search.DEFAULT:
+        return config
+    return replace(config, rounds=1, search=replace(config.search, patience=math.inf))
+
+
+def _numbers(text: str) -> list[int]:
+    return [int(word) for word in text.split(",") if word]
 
 
 def _stages(
@@ -92,13 +161,13 @@ def _stages(
                 hypotheses.append(time.perf_counter() - start)
             generator = np.random.default_rng(repeat)
             start = time.perf_counter()
-            for _ in range(20):
+            for _ in range(_ROLLOUTS):
                 steps = [
                     (k, h.poses[generator.integers(len(h.poses))])
                     for k, h in enumerate(found)
                 ]
                 worker.rollout(Rollout((), tuple(steps)))
-            per_rollout = (time.perf_counter() - start) / 20
+            per_rollout = (time.perf_counter() - start) / _ROLLOUTS
             expansions.append(per_rollout / len(found))
     return {
         "scored_poses_an_object": statistics.median(len(h.X_SO) for h in found),
@@ -107,27 +176,90 @@ def _stages(
     }
 
 
-def _images(
+def _runs(
     library: ObjectLibrary,
+    config: EstimationConfig,
     observation: RgbdObservation,
-    detections: list[Detection],
+    detections: Sequence[Detection],
     repeats: int,
-) -> dict[str, float]:
-    """Seconds a whole image at the default budget, by number of workers and stage."""
-    figures: dict[str, Any] = {}
-    for workers in (1, 2):
-        config = replace(EstimationConfig(), workers=workers)
-        with PoseEstimator(library, config) as estimator:
-            estimator.estimate(observation, detections)
-            runs = [estimator.estimate(observation, detections) for _ in range(repeats)]
-        label = f"{workers}_worker{'s' if workers > 1 else ''}"
-        figures[f"image_s_{label}"] = statistics.median(run.seconds for run in runs)
-        for stage in runs[0].stages:
-            seconds = statistics.median(run.stages[stage] for run in runs)
-            figures[f"image_s_{label}_{stage}"] = seconds
-        expansions = sum(trace.expansions for trace in runs[0].trace)
-        figures["expansions_an_image"] = expansions
+) -> tuple[list[SceneEstimate], float]:
+    """Estimates of one image by warm workers, and the seconds of the first one."""
+    with PoseEstimator(library, config) as estimator:
+        first = estimator.estimate(observation, detections)
+        runs = [estimator.estimate(observation, detections) for _ in range(repeats)]
+    return runs, first.seconds
+
+
+def _image_figures(runs: Sequence[SceneEstimate]) -> dict[str, float]:
+    figures = {"image_s": statistics.median(run.seconds for run in runs)}
+    for stage in runs[0].stages:
+        figures[f"{stage}_s"] = statistics.median(run.stages[stage] for run in runs)
+    figures["expansions"] = sum(trace.expansions for trace in runs[0].trace)
     return figures
+
+
+def _scene_row(
+    kind: str,
+    scene: ObservedScene,
+    library: ObjectLibrary,
+    config: EstimationConfig,
+    repeats: int,
+) -> dict[str, Any]:
+    """Times a generated scene; and what comes out, since speed alone is worth little.
+
+    A missing object counts as 60 degrees and 1 m off.
+    """
+    number = len(scene.detections)
+    runs, first = _runs(library, config, scene.observation, scene.detections, repeats)
+    compared = compare_poses(runs[0], scene.ground_truth, library)
+    degrees = [
+        _MISSING[0] if c.rotation_deg is None else c.rotation_deg for c in compared
+    ]
+    metres = [
+        _MISSING[1] if c.translation_m is None else c.translation_m for c in compared
+    ]
+    return {
+        "kind": kind,
+        "objects": number,
+        "workers": config.workers,
+        "groups": len({trace.indices for trace in runs[0].trace}),
+        **_image_figures(runs),
+        "first_s": first,
+        "rotation_median_deg": statistics.median(degrees),
+        "translation_median_mm": 1000 * statistics.median(metres),
+        "within_5deg_1cm": sum(c.within(5.0, 0.01) for c in compared) / number,
+    }
+
+
+def _scene_table(rows: Sequence[dict[str, Any]]) -> Table:
+    table = Table(title="generated scenes")
+    for name in ("", "objects", "workers", "s", "to 3", "to 1 worker", "hypotheses s"):
+        table.add_column(name, justify="right")
+    for name in ("search s", "refinement s", "expansions", "deg", "mm", "5 deg 1 cm"):
+        table.add_column(name, justify="right")
+    seconds = {(r["kind"], r["objects"], r["workers"]): r["image_s"] for r in rows}
+    for row in rows:
+        three = seconds.get(("apart", 3, row["workers"]))
+        alone = seconds.get((row["kind"], row["objects"], 1))
+        values = [
+            row["image_s"],
+            row["image_s"] / three if three else math.nan,
+            alone / row["image_s"] if alone else math.nan,
+            row["hypotheses_s"],
+            row["search_s"],
+            row["refinement_s"],
+            row["expansions"],
+            row["rotation_median_deg"],
+            row["translation_median_mm"],
+            row["within_5deg_1cm"],
+        ]
+        table.add_row(
+            row["kind"],
+            str(row["objects"]),
+            str(row["workers"]),
+            *(f"{value:.3g}" for value in values),
+        )
+    return table
 
 
 if __name__ == "__main__":
