@@ -3,20 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import logging
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from physim_drake.batch import (
@@ -26,12 +19,15 @@ from physim_drake.batch import (
     match_detections,
 )
 from physim_drake.cli.interrupts import say_interrupted
+from physim_drake.cli.progress import Steps
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.estimation import EstimationConfig, PoseEstimator
 from physim_drake.objects import ObjectLibrary
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import draw_overlay, write_png
+
+_log = logging.getLogger(__name__)
 
 
 class EstimateRun:
@@ -64,10 +60,11 @@ class EstimateRun:
         finished: list[ImageResult] = []
         draw = _Drawer(self._library)
         with (
-            _progress(self._console, len(images), len(images) - len(todo)) as step,
+            Steps(self._console, "image", len(images)) as steps,
             self._said_when_interrupted(writer),
             PoseEstimator(self._library, self._config) as estimator,
         ):
+            steps.begin(len(images) - len(todo), "loading (compiles at first use)")
             for result in estimate_images(
                 self._data,
                 todo,
@@ -85,7 +82,8 @@ class EstimateRun:
                 writer.write_image(*result.image, result.rows(), result.seconds)
                 finished.append(result)
                 self._tell(result)
-                step()
+                _log.info("%s: seconds by stage: %s", *_stages(result))
+                steps.advance()
         self._summarise(finished, len(images), writer.path)
 
     def _tell(self, result: ImageResult) -> None:
@@ -156,33 +154,9 @@ class _Drawer:
         write_png(folder / f"{result.stem}.png", picture)
 
 
-@contextmanager
-def _progress(console: Console, total: int, done: int) -> Iterator[Callable[[], None]]:
-    """A bar with images done, rate and remaining time; gives what advances it."""
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("images"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task(
-            "loading (compiles at first use)", total=total, completed=done
-        )
-
-        def step() -> None:
-            bar.advance(task)
-            speed = bar.tasks[0].finished_speed or bar.tasks[0].speed
-            pace = f"{1 / speed:.1f} s an image" if speed else "estimating"
-            bar.update(task, description=pace)
-
-        yield step
+def _stages(result: ImageResult) -> tuple[str, str]:
+    stages = result.estimate.stages.items()
+    return _name(result.image), ", ".join(f"{k} {v:.2f}" for k, v in stages)
 
 
 def _table(result: ImageResult) -> Table:

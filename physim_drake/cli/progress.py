@@ -57,11 +57,12 @@ class Steps:
         )
         self._task = self._bar.add_task(f"{unit}s", total=total)
 
-    def begin(self, done: int) -> None:
+    def begin(self, done: int, what: str = "") -> None:
         """Says that so many steps were done before: they do not count for the pace."""
         self.begun = True
         self._first = self._done = done
-        self._bar.update(self._task, completed=done)
+        shown = what or f"{self._unit}s"
+        self._bar.update(self._task, completed=done, description=shown)
 
     def advance(self, what: str = "") -> None:
         """One more step is done; `what` names the next one."""
