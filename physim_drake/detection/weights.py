@@ -17,7 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from physim_drake.detection.config import NetworkConfig
+from physim_drake.detection.config import BackboneName, NetworkConfig, NetworkKind
 from physim_drake.detection.networks import Network, ObjectClass, make_network
 from physim_drake.errors import InputError
 from physim_drake.files import write_atomically
@@ -84,14 +84,22 @@ def load_weights(path: Path) -> Weights:
     """
     metadata, tensors = read_safetensors(path, _REMEDY)
     config, classes = read_description(path, metadata)
-    # Shapes alone first: a few hundred bytes can describe a network of terabytes.
+    # A few hundred bytes can describe a network of terabytes.
+    held, needed = sum(t.numel() for t in tensors.values()), _least_numbers(config)
+    if held < needed:
+        raise InputError(
+            path,
+            f"holds {held} numbers, its network has at least {needed}",
+            _REMEDY,
+            "metadata",
+        )
     try:
-        with torch.device("meta"):
-            expected = make_network(config, len(classes)).state_dict()
+        network = make_network(config, len(classes))
     except (ValueError, ArithmeticError, RuntimeError) as error:
         raise InputError(
             path, f"describes no network ({error})", _REMEDY, "metadata"
         ) from None
+    expected = network.state_dict()
     for name, value in expected.items():
         found = tensors.get(name)
         if found is None or found.shape != value.shape:
@@ -103,9 +111,20 @@ def load_weights(path: Path) -> Weights:
             raise InputError(path, "holds NaN or infinite values", _REMEDY, name)
     if extra := sorted(set(tensors) - set(expected)):
         raise InputError(path, "belongs to no part of the network", _REMEDY, extra[0])
-    network = make_network(config, len(classes))
     network.load_state_dict({name: value.float() for name, value in tensors.items()})
     return Weights(network.eval(), classes)
+
+
+def _least_numbers(config: NetworkConfig) -> int:
+    """Numbers in the largest layers of a network, those of it that every one has."""
+    pyramid, hidden = config.pyramid_channels, config.head_channels
+    total = 9 * pyramid**2
+    if config.backbone is BackboneName.RESIDUAL:
+        stages = zip(config.depths, config.widths, strict=True)
+        total += sum(9 * depth * width**2 for depth, width in stages)
+    if config.kind is NetworkKind.FASTER_RCNN:
+        total += hidden**2 + pyramid * hidden + 9 * config.mask_layers * pyramid**2
+    return total
 
 
 def start_from(network: Network, path: Path) -> None:
