@@ -15,6 +15,7 @@ import fcntl
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from io import FileIO
 from pathlib import Path
@@ -211,12 +212,16 @@ class ResultsWriter:
     def _append(self, file: FileIO, path: Path, text: str) -> int:
         """Appends `text`, waits until it is on the disk; returns the new length."""
         rest = memoryview(text.encode("utf-8"))
+        before = file.seek(0, os.SEEK_END)
         try:
             while rest:
                 rest = rest[file.write(rest) :]
             os.fsync(file.fileno())
             return file.seek(0, os.SEEK_END)
         except OSError as error:
+            # Some lines of an image must not look like all of them.
+            with suppress(OSError):
+                file.truncate(before)
             raise cannot_write(path, error) from error
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import resource
 from contextlib import suppress
 from pathlib import Path
 
@@ -160,3 +161,22 @@ def test_a_file_that_vanishes_during_the_run_is_said(tmp_path: Path, name: str) 
         with pytest.raises(InputError, match="was removed or replaced") as caught:
             writer.write_image(1, 1, rows(1), time=0.5)
         assert caught.value.source == str(tmp_path / name)
+
+
+@pytest.mark.parametrize("room", [0, 10, 60])
+def test_a_full_disk_leaves_whole_images(tmp_path: Path, room: int) -> None:
+    """A limit on the size of files acts like one."""
+    path = tmp_path / "results.csv"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with ResultsWriter(path, settings={"seed": "1"}) as writer:
+        writer.write_image(1, 2, rows(2), time=0.5)
+        whole = path.read_bytes()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + room, hard))
+        try:
+            with pytest.raises(InputError, match=r"results\.csv: cannot be written"):
+                writer.write_image(1, 0, rows(0), time=0.5)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_bytes() == whole
+    assert run(path, resume=True) == [0, 1]
+    assert len(read_results(path)) == 3
