@@ -83,6 +83,22 @@ def test_the_weights_can_be_used(trained: Path):
     assert names == ["crayola_24_ct", "expo_dry_erase_board_eraser"]
 
 
+def test_learning_on_from_two_datasets(trained: Path, models: Path, tmp_path: Path):
+    weights = trained / "detector.safetensors"
+    data = ["--data", trained / "data", "--data", trained / "test"]
+    result = run(
+        tmp_path / "out", "--models", models, *data, "--start", weights, *SMALL
+    )
+    assert result.returncode == 0, result.stderr
+    log = json.loads((tmp_path / "out" / "training.json").read_text())
+    assert log["settings"]["data"] == [
+        str((trained / name).resolve()) for name in ("data", "test")
+    ]
+    assert not (tmp_path / "out" / "data").exists()
+    for number in "12":
+        assert (tmp_path / "out" / "packed" / number / "labels.npy").exists()
+
+
 def test_a_folder_in_use_is_kept(trained: Path, models: Path):
     check_refused(run(trained, "--models", models, *SMALL), "is not empty")
 
