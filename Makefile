@@ -36,6 +36,10 @@ typecheck: setup  ## Check types.
 	@ln -s $(CURDIR)/physim_drake/* $(CURDIR)/systems $(CURDIR)/models build/typecheck/physim_drake/
 	@cd build/typecheck && MYPYPATH=. $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml -p physim_drake
 
+.PHONY: peers
+peers: setup  ## Install what benchmarks/peers compares with, into build/peers.
+	@requirements/peers.sh
+
 .PHONY: setup
 setup: $(STAMP)  ## Install what is needed into .venv, and the OpenGL libraries.
 	@requirements/graphics.sh

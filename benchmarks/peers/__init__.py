@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """physim-drake beside what else could be used, on the same clouds and images.
 
-requirements/peers.sh
+make peers
 build/peers/bin/python -m benchmarks.peers [--dataset DIR] [--json FILE]
 
 The other packages live in an environment of their own, `build/peers`, which sees that

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-HOW = "requirements/peers.sh, then build/peers/bin/python -m benchmarks.peers"
+HOW = "make peers, then build/peers/bin/python -m benchmarks.peers"
 
 PACKAGES = {
     "open3d": "Open3D",

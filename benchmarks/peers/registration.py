@@ -31,10 +31,12 @@ class Registration(Protocol):
     Attributes:
         name: of it.
         refiner: what its pose is refined with.
+        candidates: those of its poses that a search would choose from.
     """
 
     name: str
     refiner: Refiner
+    candidates: slice
 
     def prepare(self, model: ObjectModel) -> Any:
         """What it wants to know of a model."""
@@ -60,6 +62,7 @@ class Ours:
     """The pose of best LCP, then the 25 representatives."""
 
     name = "physim-drake"
+    candidates = slice(1, None)  # the representatives
 
     def __init__(self) -> None:
         self.refiner: Refiner = ours()
@@ -88,6 +91,7 @@ class Open3dRansac:
     """Fast point feature histograms matched by RANSAC."""
 
     name = "Open3D FPFH + RANSAC"
+    candidates = slice(None)
 
     def __init__(self, refiner: Refiner) -> None:
         import open3d
@@ -155,6 +159,7 @@ class OpencvPpf:
     """Point pair features of Drost et al. 2010; its poses by their votes."""
 
     name = "OpenCV PPF"
+    candidates = slice(None)
     _SAMPLING = 0.08  # of the diameter; at the default, 0.05, it takes seconds
 
     def __init__(self, refiner: Refiner) -> None:

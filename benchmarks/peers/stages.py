@@ -82,9 +82,7 @@ def _registered(
     refined, refining_seconds = clocked(method.refiner.refine, refining, case, poses[0])
     rotation, translation = case.errors(np.concatenate([poses, refined[None]]))
     good = (rotation <= limits[0]) & (translation <= limits[1])
-    # Ours gives the best pose first and then the representatives, which are those
-    # that the search chooses from.
-    kept = good[1:-1] if len(poses) > 1 and method.name == "physim-drake" else good[:-1]
+    kept = good[:-1][method.candidates]
     return record | {
         "refining_seconds": refining_seconds,
         "best": bool(good[0]),
