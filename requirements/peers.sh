@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Installs what benchmarks/peers compares with into build/peers (make peers). That environment sees
-# the project's, .venv, and takes from it what is there; nothing in .venv changes.
+# Installs what benchmarks/peers compares with into build/peers (make peers). That
+# environment sees the project's, .venv, and takes from it what is there; nothing in
+# .venv changes.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
