@@ -12,7 +12,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
@@ -27,7 +27,10 @@ def graph() -> str:
     plant, scene_graph = AddMultibodyPlant(MultibodyPlantConfig(), builder)
     plant.Finalize()
     perception = AddPerceptionDiagram(
-        builder, PerceptionConfig(), scene_graph, meshcat=Meshcat()
+        builder,
+        PerceptionConfig(),
+        scene_graph,
+        meshcat=Meshcat(MeshcatParams(host="localhost")),
     )
     text = perception.GetGraphvizString(max_depth=1)
     return re.sub(r"physim_drake\.systems\.\w+\.", "", text)
