@@ -84,6 +84,8 @@ def evaluate(
         _table(report, {model.object_id: model.name for model in library.values()})
     )
     console.print(_footer(report))
+    if report.calibration is not None:
+        console.print(str(report.calibration))
 
 
 def _table(report: EvaluationReport, names: Mapping[int, str]) -> Table:

@@ -137,7 +137,9 @@ class _Judge:
             if left:
                 offsets = [row.X_CO[:3, 3] - pose.X_CO[:3, 3] for row in left]
                 nearest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
-                errors.append(self._compare(missed, pose, left.pop(nearest).X_CO))
+                row = left.pop(nearest)
+                claimed = replace(missed, confidence=row.score)
+                errors.append(self._compare(claimed, pose, row.X_CO))
             else:
                 errors.append(missed)
         return errors

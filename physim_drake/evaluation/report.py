@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from physim_drake.evaluation.calibration import Calibration
+
 MISSED_ROTATION_DEG = 90.0
 MISSED_TRANSLATION_CM = 20.0
 
@@ -24,6 +26,7 @@ class TargetErrors:
         gt_index: its place in scene_gt.json.
         level: its interaction level, or None where the dataset gives none.
         found: whether an estimate was matched with it.
+        confidence: the score of that estimate; None when missed.
         rotation_deg: mean of |roll|, |pitch|, |yaw|, smallest over the symmetries.
         geodesic_deg: rotation angle, smallest over the symmetries.
         translation_cm: distance of the origins.
@@ -44,6 +47,7 @@ class TargetErrors:
     gt_index: int
     level: int | None = None
     found: bool = False
+    confidence: float | None = None
     rotation_deg: float = MISSED_ROTATION_DEG
     geodesic_deg: float = MISSED_ROTATION_DEG
     translation_cm: float = MISSED_TRANSLATION_CM
@@ -124,6 +128,8 @@ class EvaluationReport:
         timed_images: how many of them have a time in the results.
         time_per_image: mean seconds over those, or None.
         unused_rows: rows of the results that belong to no target.
+        calibration: whether scores are honest confidences; None where there is no
+            estimate, or scores are no confidences.
     """
 
     overall: Summary
@@ -134,6 +140,7 @@ class EvaluationReport:
     timed_images: int
     time_per_image: float | None
     unused_rows: int
+    calibration: Calibration | None = None
 
     @classmethod
     def of(
@@ -163,6 +170,10 @@ class EvaluationReport:
             len(known),
             _mean(known) if known else None,
             unused_rows,
+            Calibration.of(
+                [e.confidence for e in errors if e.confidence is not None],
+                [e.accepted for e in errors if e.confidence is not None],
+            ),
         )
 
     def as_dict(self) -> dict[str, Any]:
