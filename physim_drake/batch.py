@@ -107,30 +107,31 @@ def detection_lookup(
     if masks:
         return lambda image: dataset.masks(*image), "masks"
     own = dataset.root / "detections.json"
-    if weights is not None or (file is None and not own.exists()):
-        # Imported here, since torch takes its time.
-        from physim_drake.detection.lookup import network_lookup
-
-        if weights is not None:
-            return network_lookup(dataset, weights, targets)
-        _check_default(dataset, own)
-        return network_lookup(dataset, DETECTOR, targets, like=APC11)
+    if weights is not None:
+        return trained_lookup(dataset, weights, targets)
+    if file is None and not own.exists():
+        _check_default(own)
+        return trained_lookup(dataset, None, targets)
     path = file or own
     detections = load_detections(path, dataset)
     return lambda image: detections.get(image, []), str(path.resolve())
 
 
-def segment_lookup(
+def trained_lookup(
     dataset: BopDataset,
     weights: Path | None = None,
     targets: Sequence[Target] | None = None,
+    *,
+    pixels: bool = False,
 ) -> tuple[DetectionLookup, str]:
-    """The segments of a fully convolutional network, for the method fcn-pca-icp.
+    """What a trained network detects, whatever else says where the objects are.
 
     Args:
         dataset: the images.
         weights: of the network; by default those that come with the package.
         targets: what it has to know; the dataset's own where it is None.
+        pixels: use only what tells the class of every pixel, as the method fcn-pca-icp
+            does.
 
     Returns:
         the look-up, and what to call its source.
@@ -138,12 +139,13 @@ def segment_lookup(
     Raises:
         InputError: where the weights cannot be used, or are for other objects.
     """
+    # Imported here, since torch takes its time.
     from physim_drake.detection.lookup import network_lookup
 
     if weights is not None:
-        return network_lookup(dataset, weights, targets, pixels=True)
-    default = default_weights(pixels=True)
-    return network_lookup(dataset, default, targets, like=APC11, pixels=True)
+        return network_lookup(dataset, weights, targets, pixels=pixels)
+    default = default_weights(pixels)
+    return network_lookup(dataset, default, targets, like=APC11, pixels=pixels)
 
 
 def default_weights(pixels: bool = False) -> Path:
@@ -165,7 +167,7 @@ def boxes_only(look_up: DetectionLookup) -> DetectionLookup:
     return without_masks
 
 
-def _check_default(dataset: BopDataset, own: Path) -> None:
+def _check_default(own: Path) -> None:
     """Says what to give where a dataset has no detections and there are no weights."""
     if not DETECTOR.exists():
         raise InputError(

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from typer.core import TyperCommand
 
-from physim_drake.cli.options import surface_height
+from physim_drake.cli.options import (
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+    surface_height,
+)
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -144,6 +150,8 @@ def estimate(
         bool,
         typer.Option("--resume", help="Go on with what an earlier run wrote to --out."),
     ] = False,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Estimate the 6D pose of every target object in a dataset's images.
 
@@ -163,8 +171,6 @@ def estimate(
 
     `physim-drake evaluate lab.csv datasets/lab` then judges them.
     """
-    from rich.console import Console
-
     from physim_drake.batch import boxes_only, choose_images
     from physim_drake.cli.estimate_run import EstimateRun
     from physim_drake.datasets.bop import BopDataset
@@ -203,7 +209,7 @@ def estimate(
             source,
             library,
             _config(method, expansions, hypotheses, workers, seed),
-            Console(stderr=True, highlight=False),
+            messages(quiet),
         ).run(chosen, writer, height, overlays, trace)
 
 
@@ -216,7 +222,7 @@ def _lookup(
     targets: Sequence[Target],
 ) -> tuple[DetectionLookup, str]:
     """What the method takes for the places of the objects, and its name."""
-    from physim_drake.batch import detection_lookup, segment_lookup
+    from physim_drake.batch import detection_lookup, trained_lookup
     from physim_drake.estimation import Method
 
     if method != Method.FCN_PCA_ICP:
@@ -227,7 +233,7 @@ def _lookup(
             f"given with {method}, which segments images by a network",
             "leave it out, or give --method pca-icp",
         )
-    return segment_lookup(data, weights, targets)
+    return trained_lookup(data, weights, targets, pixels=True)
 
 
 def _config(

@@ -3,12 +3,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-_METHODS = "physim-mcts,physim-heuristic,super4pcs-icp,pca-icp"
+from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from physim_drake.estimation import EstimationConfig, Method
+    from physim_drake.reporting.study import Study
+
+_FCN = "fcn-pca-icp"
+_METHODS = f"physim-mcts,physim-heuristic,super4pcs-icp,pca-icp,{_FCN}"
 
 
 def report(
@@ -39,6 +49,22 @@ def report(
     masks: Annotated[
         bool, typer.Option("--masks", help="Take the visible masks as detections.")
     ] = False,
+    detector: Annotated[
+        bool,
+        typer.Option(
+            "--detector",
+            help="Run the first method that searches with what a network detects, too, "
+            "and show what accuracy that loses.",
+        ),
+    ] = False,
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Of that network, and of fcn-pca-icp.",
+            show_default="those of apc11",
+        ),
+    ] = None,
     expansions: Annotated[int, typer.Option(min=1, help="Expansions a group.")] = 250,
     hypotheses: Annotated[
         int, typer.Option(min=1, help="Representatives an object.")
@@ -50,6 +76,8 @@ def report(
     vsd: Annotated[
         bool, typer.Option(help="Compute VSD, for which every pose is rendered.")
     ] = False,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Run methods on a dataset and write the paper's tables and figures.
 
@@ -58,43 +86,114 @@ def report(
     first; the same as `report.json`; and a CSV for each table. The same seed gives the
     same report.
 
+    The method fcn-pca-icp takes its segments from a network. Where the weights that
+    come with the package know other objects and no others are given, the report says so
+    and does without it.
+
     Example: `physim-drake report datasets/apc11 --out report --methods physim-mcts`
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
     from physim_drake.batch import detection_lookup
-    from physim_drake.cli.estimate import default_workers
+    from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
-    from physim_drake.errors import InputError
-    from physim_drake.estimation import EstimationConfig, Method
     from physim_drake.files import make_folder
     from physim_drake.objects import ObjectLibrary
     from physim_drake.rendering.depth import DepthRenderer
+    from physim_drake.reporting.detector_loss import detector_loss
     from physim_drake.reporting.page import write_report
     from physim_drake.reporting.study import Study
 
-    names = [name.strip() for name in methods.split(",") if name.strip()]
+    names = _read_methods(methods)
+    make_folder(out)
+    data = BopDataset(dataset, split, models)
+    library = ObjectLibrary.load(data.models, {t.object_id for t in data.targets()})
+    look_up, source = detection_lookup(data, detections, masks)
+    config = _config(seed, workers, expansions, hypotheses)
+    study = Study(data, library, look_up, source, config)
+    plan, notes = _plan(study, names, detector, weights, methods == _METHODS)
+    total = len(study.images) * (len(plan) + 1)
+    with Steps(messages(quiet), "image", total) as steps:
+        renderer = (lambda K: DepthRenderer(library, K)) if vsd else None
+        quality = replace(study, progress=steps.advance).hypothesis_quality()
+        runs = [
+            replace(item.study, progress=steps.advance).run(
+                item.method, renderer, item.name
+            )
+            for item in plan
+        ]
+    by_name = {run.name: run.report.errors for run in runs}
+    losses = {
+        item.name: detector_loss(by_name[item.method], by_name[item.name])
+        for item in plan
+        if item.name != item.method
+    }
+    for note in notes:
+        typer.echo(note, err=True)
+    typer.echo(write_report(study, runs, quality, out, losses=losses, notes=notes))
+
+
+@dataclass(frozen=True)
+class _Item:
+    """A method to run, what with, and what to call it."""
+
+    method: Method
+    study: Study
+    name: str
+
+
+def _plan(
+    study: Study,
+    methods: Sequence[Method],
+    detector: bool,
+    weights: Path | None,
+    by_default: bool,
+) -> tuple[list[_Item], list[str]]:
+    """What to run, and why a method that was not asked for by name is left out."""
+    from physim_drake.batch import trained_lookup
+
+    plan, notes = [], []
+    for method in methods:
+        own = study
+        if method == _FCN:
+            try:
+                look_up = trained_lookup(study.dataset, weights, pixels=True)
+            except InputError as error:
+                if not by_default or weights is not None:
+                    raise
+                notes.append(f"{_FCN} is missing: {error}")
+                continue
+            own = replace(study, look_up=look_up[0], source=look_up[1])
+        plan.append(_Item(method, own, str(method)))
+    if detector:
+        searching = next((m for m in methods if m.searches), None)
+        if searching is None:
+            raise InputError(
+                "--detector", "needs a method that searches", "name physim-mcts, too"
+            )
+        found, source = trained_lookup(study.dataset, weights)
+        own = replace(study, look_up=found, source=source)
+        plan.append(_Item(searching, own, f"{searching}, detector"))
+    return plan, notes
+
+
+def _read_methods(text: str) -> list[Method]:
+    from physim_drake.estimation import Method
+
+    names = list(dict.fromkeys(n.strip() for n in text.split(",") if n.strip()))
     for name in names:
         if name not in set(Method):
             raise InputError(
                 "--methods", f"{name!r} is none", f"choose from {', '.join(Method)}"
             )
-    make_folder(out)
-    data = BopDataset(dataset, split, models)
-    library = ObjectLibrary.load(data.models, {t.object_id for t in data.targets()})
-    look_up, source = detection_lookup(data, detections, masks)
+    if not names:
+        raise InputError("--methods", "names none", f"choose from {', '.join(Method)}")
+    return [Method(name) for name in names]
+
+
+def _config(
+    seed: int, workers: int | None, expansions: int, hypotheses: int
+) -> EstimationConfig:
+    from physim_drake.cli.estimate import default_workers
+    from physim_drake.estimation import EstimationConfig
+
     config = EstimationConfig(seed=seed, workers=workers or default_workers())
-    config = config.with_budget(expansions, hypotheses)
-    with Progress(console=Console(stderr=True)) as bar:
-        images = len({(t.scene_id, t.im_id) for t in data.targets()})
-        task = bar.add_task("", total=images * (len(names) + 1))
-
-        def progress(what: str) -> None:
-            bar.update(task, advance=1, description=what)
-
-        study = Study(data, library, look_up, source, config, progress)
-        renderer = (lambda K: DepthRenderer(library, K)) if vsd else None
-        quality = study.hypothesis_quality()
-        runs = [study.run(Method(name), renderer) for name in names]
-    typer.echo(write_report(study, runs, quality, out))
+    return config.with_budget(expansions, hypotheses)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from physim_drake.evaluation.report import Summary, TargetErrors
 from physim_drake.files import write_atomically
 from physim_drake.poses import Array
 from physim_drake.rendering.overlay import draw_overlay
+from physim_drake.reporting.detector_loss import DetectorLoss
 from physim_drake.reporting.html import jpeg, png, render_page
 from physim_drake.reporting.study import (
     SUCCESS_CM,
@@ -41,6 +42,9 @@ def write_report(
     quality: HypothesisQuality | None,
     folder: Path,
     gallery: int = 24,
+    *,
+    losses: Mapping[str, DetectorLoss] | None = None,
+    notes: Sequence[str] = (),
 ) -> Path:
     """Writes `index.html`, `report.json` and a CSV a table into a folder.
 
@@ -50,6 +54,8 @@ def write_report(
         quality: of the hypotheses, if it was measured.
         folder: is made if missing.
         gallery: so many images are shown.
+        losses: by the name of a run with a network's detections, against given ones.
+        notes: what to say below the first table.
 
     Returns:
         the page.
@@ -59,7 +65,8 @@ def write_report(
     """
     levels = sorted({level for run in runs for level in run.report.levels})
     names = [*(_LEVEL_NAMES.get(n, f"level {n}") for n in levels), "all"]
-    rows = [_table_row(run, levels) for run in runs]
+    losses = losses or {}
+    rows = [_table_row(run, levels, losses.get(run.name)) for run in runs]
     shown = next((run for run in runs if len(run.curve)), runs[0])
     page = render_page(
         "page.html.j2",
@@ -71,30 +78,38 @@ def write_report(
         representatives=study.config.steps.hypotheses.clustering.representatives,
         levels=names,
         table_one=rows,
+        losses=bool(losses),
+        notes=notes,
         table_two=quality,
         success_deg=SUCCESS_DEG,
         success_cm=SUCCESS_CM,
         curves=_curve_pictures(runs),
         gallery=_gallery(study, shown, gallery),
-        gallery_method=str(shown.method),
+        gallery_method=shown.name,
     )
     path = folder / "index.html"
     with write_atomically(path) as file:
         file.write(page)
     with write_atomically(folder / "report.json") as file:
-        json.dump(_as_dict(study, runs, quality), file, indent=1, allow_nan=False)
+        figures = _as_dict(study, runs, quality)
+        figures["detector"] = {name: asdict(loss) for name, loss in losses.items()}
+        figures["notes"] = list(notes)
+        json.dump(figures, file, indent=1, allow_nan=False)
         file.write("\n")
     _write_tables(folder, names, rows, runs, quality)
     return path
 
 
-def _table_row(run: MethodRun, levels: Sequence[int]) -> dict[str, Any]:
+def _table_row(
+    run: MethodRun, levels: Sequence[int], loss: DetectorLoss | None
+) -> dict[str, Any]:
     """A row of Table I: (rotation in degrees, translation in cm) by level, and all."""
     report = run.report
     missing = (float("nan"), float("nan"))
     cells = [_cell(report.levels[n]) if n in report.levels else missing for n in levels]
     return {
-        "method": str(run.method),
+        "method": run.name,
+        "loss": loss,
         "cells": [*cells, _cell(report.overall)],
         "recall": report.overall.recall_5deg_1cm,
         "found": report.overall.found,
@@ -114,7 +129,7 @@ def _as_dict(
         # Seconds differ from run to run; the report is the same for the same seed.
         entry.pop("time_per_image", None)
         entry.pop("timed_images", None)
-        methods[str(run.method)] = entry | {"curve": run.curve.tolist()}
+        methods[run.name] = entry | {"curve": run.curve.tolist()}
     return {
         "dataset": study.dataset.root.resolve().name,
         "seed": study.config.seed,
@@ -150,9 +165,9 @@ def _write_tables(
     _write_csv(
         folder / "curves.csv",
         ["method", "expansions", "rotation_deg", "translation_cm"],
-        [[str(run.method), *point] for run in runs for point in run.curve.tolist()],
+        [[run.name, *point] for run in runs for point in run.curve.tolist()],
     )
-    errors = [(str(run.method), asdict(e)) for run in runs for e in run.report.errors]
+    errors = [(run.name, asdict(e)) for run in runs for e in run.report.errors]
     _write_csv(
         folder / "errors.csv",
         ["method", *(errors[0][1] if errors else ())],
@@ -171,7 +186,7 @@ def _write_csv(
 
 
 def _curve_pictures(runs: Sequence[MethodRun]) -> list[dict[str, str]]:
-    curves: dict[str, Array] = {str(r.method): r.curve for r in runs if len(r.curve)}
+    curves: dict[str, Array] = {r.name: r.curve for r in runs if len(r.curve)}
     if not curves:
         return []
     pictures = []

@@ -30,6 +30,7 @@ class MethodRun:
 
     Attributes:
         method: which one.
+        name: what to call it, and its detections where others have been given, too.
         estimates: by image.
         report: their errors.
         curve: the anytime curve: (expansions, mean rotation error in degrees, mean
@@ -37,6 +38,7 @@ class MethodRun:
     """
 
     method: Method
+    name: str
     estimates: Mapping[ImageId, SceneEstimate]
     report: EvaluationReport
     curve: Array
@@ -105,25 +107,37 @@ class Study:
         targets = self.dataset.targets()
         return match_detections(targets, image, self.look_up(image), self.source)
 
-    def run(self, method: Method, make_renderer: MakeRenderer | None) -> MethodRun:
+    def run(
+        self, method: Method, make_renderer: MakeRenderer | None, name: str = ""
+    ) -> MethodRun:
         """Estimates every image with one method.
 
         Args:
             method: which one.
             make_renderer: for VSD, which is left out without it.
+            name: what to call it, if not as it is.
         """
         rows: list[ResultRow] = []
         estimates: dict[ImageId, SceneEstimate] = {}
+        detected: dict[ImageId, list[Detection]] = {}
+
+        def detections(image: ImageId) -> Sequence[Detection]:
+            found = self.detections(image)
+            # Without masks, which would fill the memory.
+            detected[image] = [replace(d, mask=None) for d in found]
+            return found
+
         config = replace(self.config, method=method)
         with PoseEstimator(self.library, config) as estimator:
             for result in estimate_images(
-                self.dataset, self.images, self.detections, estimator
+                self.dataset, self.images, detections, estimator
             ):
                 rows += result.rows()
                 estimates[result.image] = result.estimate
-                self.progress(str(method))
+                self.progress(name or str(method))
         report = evaluate_results(self.dataset, rows, self.library, make_renderer)
-        return MethodRun(method, estimates, report, self._curve(estimates))
+        curve = self._curve(estimates, detected)
+        return MethodRun(method, name or str(method), estimates, report, curve)
 
     def hypothesis_quality(self) -> HypothesisQuality:
         """Table II of the paper on this dataset."""
@@ -183,7 +197,11 @@ class Study:
             key=lambda t: float(np.linalg.norm(K.project(t.X_CO[:3, 3]) - middle)),
         )
 
-    def _curve(self, estimates: Mapping[ImageId, SceneEstimate]) -> Array:
+    def _curve(
+        self,
+        estimates: Mapping[ImageId, SceneEstimate],
+        detected: Mapping[ImageId, Sequence[Detection]],
+    ) -> Array:
         """Mean errors of the best state so far against expansions, before refining.
 
         The first search of each group counts; before its first complete state, its
@@ -192,7 +210,7 @@ class Study:
         grid = np.arange(1, self.config.search.expansions + 1)
         errors, count = np.zeros((len(grid), 2)), 0
         for image, estimate in estimates.items():
-            detections = self.detections(image)
+            detections = detected[image]
             seen: set[int] = set()
             for trace in estimate.trace:
                 if not trace.points or seen & set(trace.indices):

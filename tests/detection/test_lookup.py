@@ -12,7 +12,7 @@ from physim_drake.batch import (
     boxes_only,
     detection_lookup,
     match_detections,
-    segment_lookup,
+    trained_lookup,
 )
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection import lookup
@@ -167,9 +167,10 @@ def test_segments_come_from_the_weights_for_pixels(
     detector = write_weights(tmp_path / "detector", 1, 2)
     monkeypatch.setattr(batch, "FCN", fcn)
     monkeypatch.setattr(batch, "DETECTOR", detector)
-    assert segment_lookup(dataset)[1] == str(fcn)
+    assert trained_lookup(dataset, pixels=True)[1] == str(fcn)
+    assert trained_lookup(dataset)[1] == str(detector)
     fcn.unlink()
-    look_up, source = segment_lookup(dataset)
+    look_up, source = trained_lookup(dataset, pixels=True)
     assert source == str(detector)
     found = [d for d in look_up(IMAGE) if d.seen]
     assert len({d.object_id for d in found}) == len(found)
