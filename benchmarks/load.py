@@ -13,9 +13,11 @@ With --objects the library is filled up with so many copies of the bundled objec
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -150,6 +152,9 @@ def watch(arguments: list[str], progress: Path) -> tuple[list[Sample], int]:
         [sys.executable, "-c", code, *arguments], stdout=subprocess.DEVNULL
     )
     start, samples = time.monotonic(), []
+    # What ends this process ends the run, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    atexit.register(process.terminate)
     while process.poll() is None:
         time.sleep(_PERIOD)
         main_mb = _proportional_mb(process.pid)
