@@ -36,7 +36,10 @@ DRAWN_LIMITS = (drawn_segments.SUCCESS_DEG, drawn_segments.SUCCESS_CM)
 def main(
     dataset: Annotated[
         Path | None,
-        typer.Option(help="With ground truth; scenes are generated without it."),
+        typer.Option(
+            help="With ground truth, of the bundled objects where it has no models; "
+            "scenes are generated without it."
+        ),
     ] = None,
     limit: Annotated[
         int, typer.Option(min=0, help="Only so many images and drawn segments; 0: all.")
@@ -83,7 +86,8 @@ def compare(
     status: Status,
 ) -> dict[str, Any]:
     """Runs the parts and prints a table for each; all of it for JSON."""
-    part = PartOfDataset(root, limit)
+    own = root / "models"
+    part = PartOfDataset(root, limit, own if own.is_dir() else APC11)
     look_up, source = detection_lookup(part, masks=masks)
     library = ObjectLibrary.load(part.models, {t.object_id for t in part.targets()})
     by_image = {

@@ -68,8 +68,8 @@ def peers() -> list[Refiner]:
 
 
 def best_peer() -> Refiner | None:
-    """The one that the poses of other packages are refined with."""
-    return next(iter(peers()), None)
+    """What the poses of other packages are refined with: the robust one, if there."""
+    return next(iter(reversed(peers())), None)
 
 
 def _small_gicp(kind: str) -> Refiner:
