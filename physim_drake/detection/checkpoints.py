@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from physim_drake.detection.training_log import check_settings
 from physim_drake.detection.weights import read_safetensors
 from physim_drake.errors import InputError
 from physim_drake.files import write_atomically
+
+Losses = Sequence[dict[str, float]]
+"""By name, one entry a step."""
 
 _REMEDY = "remove it to train from the beginning"
 
@@ -57,13 +61,16 @@ class TrainingState:
     average: AveragedWeights
     optimizer: torch.optim.Optimizer
 
-    def save(self, path: Path, step: int, settings: dict[str, Any]) -> None:
+    def save(
+        self, path: Path, step: int, settings: dict[str, Any], recent: Losses = ()
+    ) -> None:
         """Writes the state after so many steps, whole or not at all.
 
         Args:
             path: the file.
             step: how many steps are done.
             settings: what must be the same for the run to go on.
+            recent: losses that the log has not taken in yet.
 
         Raises:
             InputError: where it cannot be written.
@@ -73,13 +80,19 @@ class TrainingState:
         tensors |= self._optimizer_tensors()
         data = save(
             {k: v.detach().cpu().contiguous() for k, v in tensors.items()},
-            {"step": str(step), "settings": json.dumps(settings)},
+            {
+                "step": str(step),
+                "settings": json.dumps(settings),
+                "recent": json.dumps(list(recent)),
+            },
         )
         with write_atomically(path, "wb") as file:
             file.write(data)
 
-    def load(self, path: Path, settings: dict[str, Any]) -> int:
-        """Reads a state; returns how many steps were done.
+    def load(
+        self, path: Path, settings: dict[str, Any]
+    ) -> tuple[int, list[dict[str, float]]]:
+        """Reads a state; returns how many steps were done, and the recent losses.
 
         Raises:
             InputError: where it cannot be read, or belongs to a run with other
@@ -89,7 +102,8 @@ class TrainingState:
         try:
             step = int(metadata["step"])
             earlier = json.loads(metadata["settings"])
-        except (KeyError, ValueError, RecursionError):
+            recent = [dict(e) for e in json.loads(metadata.get("recent", "[]"))]
+        except (KeyError, ValueError, TypeError, RecursionError):
             raise InputError(path, "is no state of a training run", _REMEDY) from None
         check_settings(path, earlier, settings)
         try:
@@ -98,7 +112,7 @@ class TrainingState:
             raise InputError(
                 path, f"does not fit the network ({error})", _REMEDY
             ) from None
-        return step
+        return step, recent
 
     def _restore(self, tensors: dict[str, Tensor]) -> None:
         self.network.load_state_dict(_part(tensors, "network."))

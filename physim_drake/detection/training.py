@@ -42,7 +42,9 @@ class TrainingConfig:
         weight_decay: of AdamW.
         max_gradient: longer ones are shortened.
         log_every: steps.
-        save_every: steps; at most so many are lost when a run is cut off.
+        save_every: steps; at most so many are lost when a run is cut off. It is not
+            saved when it is interrupted: in the midst of a step there is no state that
+            an unbroken run would have.
         test_every: steps between tests.
         seed: of all random choices.
         bfloat16: whether products are done with 16 bits.
@@ -102,6 +104,7 @@ class Trainer:
         self.network = network.to(device).train()
         self.average = AveragedWeights(self.network)
         self.step = 0
+        self._recent: list[dict[str, float]] = []
         self._augmenter, self._config, self._device = augmenter, config, device
         self._path, self._log = state_path, log
         self._optimizer = torch.optim.AdamW(
@@ -109,7 +112,7 @@ class Trainer:
         )
         self._state = TrainingState(self.network, self.average, self._optimizer)
         if state_path.exists():
-            self.step = self._state.load(state_path, log.settings)
+            self.step, self._recent = self._state.load(state_path, log.settings)
             log.cut(self.step)
 
     def run(self, save: Save, test: Test, report: Report) -> None:
@@ -125,21 +128,17 @@ class Trainer:
         """
         config = self._config
         begun = time.monotonic() - self._log.seconds
-        recent: list[dict[str, float]] = []
         with _samples(self._augmenter, config, self.step) as batches:
             for samples in batches:
-                recent.append(self._learn(samples))
+                self._recent.append(self._learn(samples))
                 self.step += 1
                 self._log.seconds = time.monotonic() - begun
                 last = self.step == config.steps
                 if self.step % config.log_every == 0 or last:
-                    means = {
-                        name: sum(losses[name] for losses in recent) / len(recent)
-                        for name in recent[-1]
-                    }
+                    means = self._mean_losses()
                     self._log.add_losses(self.step, config.rate(self.step - 1), means)
                     report(self.step, means)
-                    recent = []
+                    self._recent = []
                 if self.step % config.test_every == 0 or last:
                     test(self.averaged_network(), self.step)
                 if self.step % config.save_every == 0 or last:
@@ -154,7 +153,15 @@ class Trainer:
     def _save(self, save: Save) -> None:
         self._log.write()
         save(self.average.values)
-        self._state.save(self._path, self.step, self._log.settings)
+        self._state.save(self._path, self.step, self._log.settings, self._recent)
+
+    def _mean_losses(self) -> dict[str, float]:
+        """Of the steps since the log was told last."""
+        count = len(self._recent)
+        return {
+            name: sum(losses[name] for losses in self._recent) / count
+            for name in self._recent[-1]
+        }
 
     def _learn(self, samples: list[Sample]) -> dict[str, float]:
         """One step; returns the losses before it."""
