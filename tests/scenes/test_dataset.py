@@ -27,7 +27,7 @@ from physim_drake.datasets.detections import load_detections
 from physim_drake.errors import InputError
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import transform_points
-from physim_drake.scenes.dataset import generate_dataset
+from physim_drake.scenes.dataset import SceneMaker, generate_dataset
 from tests.scenes.conftest import CONFIG, SCENES
 
 PROGRAM = [sys.executable, "-c", "from physim_drake.cli import main; main()"]
@@ -218,3 +218,15 @@ def test_full_disk_leaves_no_scene(
         generate_dataset(tmp_path / "out", library, CONFIG, 1)
     assert written
     assert list((tmp_path / "out" / "test").iterdir()) == []
+
+
+def test_a_scene_that_is_there_is_not_made_again(
+    tmp_path: Path, library: ObjectLibrary
+):
+    """As where a worker died right after it had put the scene in its place."""
+    (tmp_path / "000001").mkdir()
+    maker = SceneMaker(tmp_path, library, CONFIG, {})
+    maker.make(1)
+    with pytest.raises(KeyError):  # there are no model files to make others from
+        maker.make(2)
+    assert [path.name for path in tmp_path.iterdir()] == ["000001"]
