@@ -56,7 +56,7 @@ def check_yaml(text: str) -> None:
                 sizes[closed.anchor] = closed.size
             _add(stack[-1], closed.size, event)
         elif isinstance(event, events.AliasEvent):
-            _add(stack[-1], sizes.get(event.anchor, 1), event)
+            _add(stack[-1], sizes.get(str(event.anchor), 1), event)
         elif isinstance(event, events.ScalarEvent):
             _note_key(stack[-1], event)
             _add(stack[-1], 1, event)
