@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from collections.abc import Callable
@@ -45,6 +46,8 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     def call(*arguments: str | Path) -> int | str | None:
         argv = ["physim-drake", "estimate", *map(str, arguments)]
         monkeypatch.setattr(sys, "argv", argv)
+        # On a slow machine there would be lines about how far it is.
+        monkeypatch.setattr("physim_drake.cli.progress.LINE_EVERY", math.inf)
         with pytest.raises(SystemExit) as caught:
             main()
         return caught.value.code
