@@ -29,6 +29,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from physim_drake.library_files import find_objects
 from physim_drake.models import APC11
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "data" / "tabletop"
@@ -85,7 +86,7 @@ def main(
         seconds = time.monotonic() - start
     figures = summarise(samples, images) | {
         "workers": workers,
-        "library": objects or len(list(APC11.glob("*/*.obj"))),
+        "library": objects or len(find_objects(APC11)),
         "seconds": round(seconds, 1),
         "exit_status": status,
     }
