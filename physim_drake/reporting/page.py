@@ -13,6 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from physim_drake.datasets.bop import ImageId
+from physim_drake.evaluation.calibration import reliability_figure
 from physim_drake.evaluation.report import Summary, TargetErrors
 from physim_drake.files import write_atomically
 from physim_drake.poses import Array
@@ -84,6 +85,7 @@ def write_report(
         success_deg=SUCCESS_DEG,
         success_cm=SUCCESS_CM,
         curves=_curve_pictures(runs),
+        reliability=_reliability(shown),
         gallery=_gallery(study, shown, gallery),
         gallery_method=shown.name,
     )
@@ -204,6 +206,14 @@ def _curve_pictures(runs: Sequence[MethodRun]) -> list[dict[str, str]]:
         caption = f"Mean {quantity} error against expansions"
         pictures.append({"png": png(figure), "caption": caption})
     return pictures
+
+
+def _reliability(run: MethodRun) -> dict[str, str] | None:
+    calibration = run.report.calibration
+    if calibration is None:
+        return None
+    picture = png(reliability_figure(calibration))
+    return {"png": picture, "text": str(calibration).splitlines()[0]}
 
 
 def _gallery(study: Study, run: MethodRun, count: int) -> list[_Picture]:

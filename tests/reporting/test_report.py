@@ -76,7 +76,8 @@ def test_page_needs_nothing_from_outside(
     page = write_report(study, runs, quality, tmp_path).read_text()
     assert "http:" not in page  # four letters alone may occur in picture data
     assert "https:" not in page
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/png;base64,") == 3  # two curves, reliability
+    assert "What confidences are worth" in page
     assert page.count("data:image/jpeg;base64,") == len(study.images)
     for run in runs:
         assert str(run.method) in page
