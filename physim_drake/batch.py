@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,10 +16,11 @@ from physim_drake.datasets.detections import load_detections
 from physim_drake.datasets.results import ResultRow
 from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.estimation import PoseEstimator
+from physim_drake.estimation import Request
 from physim_drake.files import write_atomically
 from physim_drake.models import APC11, DETECTOR, FCN
 from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.ray_estimation import Estimator
 
 DetectionLookup = Callable[[ImageId], Sequence[Detection]]
 """Gives the detections of an image, none where it has none."""
@@ -241,10 +243,10 @@ def estimate_images(
     dataset: BopDataset,
     images: Iterable[ImageId],
     detections: Callable[[ImageId], Sequence[Detection]],
-    estimator: PoseEstimator,
+    estimator: Estimator,
     surface_height: float | None = None,
 ) -> Iterator[ImageResult]:
-    """Estimates one image after the other.
+    """Estimates images; the results come in the order of the images.
 
     Args:
         dataset: where the images are.
@@ -256,19 +258,31 @@ def estimate_images(
     Raises:
         InputError: where an image cannot be used; those before it have been given.
     """
-    for image in images:
-        start = time.monotonic()
-        observation = dataset.observation(*image)
-        chosen = detections(image)
+    read: deque[tuple[ImageId, RgbdObservation, float]] = deque()
+
+    def requests() -> Iterator[Request]:
+        for image in images:
+            start = time.monotonic()
+            observation = dataset.observation(*image)
+            chosen = detections(image)
+            read.append((image, observation, time.monotonic() - start))
+            yield observation, chosen, surface_height
+
+    estimates = estimator.estimate_all(requests())
+    while True:
         try:
-            estimate = estimator.estimate(observation, chosen, surface_height)
+            estimate = next(estimates, None)
         except InputError as error:
-            if error.source == observation.name:
+            name = read[0][1].name if read else error.source
+            if error.source == name:
                 raise
             raise InputError(
-                observation.name, f"{error.source}: {error.problem}", error.remedy
+                name, f"{error.source}: {error.problem}", error.remedy
             ) from error
-        yield ImageResult(image, observation, estimate, time.monotonic() - start)
+        if estimate is None:
+            return
+        image, observation, seconds = read.popleft()
+        yield ImageResult(image, observation, estimate, seconds + estimate.seconds)
 
 
 def _is_id(text: str) -> bool:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
 
 import numpy as np
@@ -28,7 +28,10 @@ from physim_drake.surface import (
 )
 from physim_drake.workers import WorkerPool
 
-__all__ = ["EstimationConfig", "Method", "PoseEstimator", "estimate_scene"]
+__all__ = ["EstimationConfig", "Method", "PoseEstimator", "Request", "estimate_scene"]
+
+Request = tuple[RgbdObservation, Sequence[Detection], float | None]
+"""What `PoseEstimator.estimate` takes: image, detections, height of the surface."""
 
 _NOTHING: Placement = {}
 
@@ -114,6 +117,11 @@ class PoseEstimator:
             clock.stages,
             tuple(search.trace),
         )
+
+    def estimate_all(self, requests: Iterable[Request]) -> Iterator[SceneEstimate]:
+        """Estimates one scene after the other."""
+        for request in requests:
+            yield self.estimate(*request)
 
     def hypotheses(
         self,

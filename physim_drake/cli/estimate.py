@@ -12,12 +12,14 @@ import typer
 from typer.core import TyperCommand
 
 from physim_drake.cli.options import (
+    EngineOption,
     LogLevel,
     LogLevelName,
     Quiet,
     messages,
     surface_height,
 )
+from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -150,6 +152,7 @@ def estimate(
         bool,
         typer.Option("--resume", help="Go on with what an earlier run wrote to --out."),
     ] = False,
+    engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -210,6 +213,7 @@ def estimate(
             library,
             _config(method, expansions, hypotheses, workers, seed),
             messages(quiet),
+            engine,
         ).run(chosen, writer, height, overlays, trace)
 
 

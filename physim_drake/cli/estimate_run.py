@@ -22,8 +22,10 @@ from physim_drake.cli.interrupts import say_interrupted
 from physim_drake.cli.progress import Steps
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.results_writer import ResultsWriter
-from physim_drake.estimation import EstimationConfig, PoseEstimator
+from physim_drake.engine import Engine
+from physim_drake.estimation import EstimationConfig
 from physim_drake.objects import ObjectLibrary
+from physim_drake.ray_estimation import make_estimator
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import draw_overlay, write_png
 
@@ -42,10 +44,12 @@ class EstimateRun:
         library: ObjectLibrary,
         config: EstimationConfig,
         console: Console,
+        engine: Engine = Engine.LOCAL,
     ) -> None:
         self._data, self._targets = data, targets
         self._lookup, self._source = lookup, source
         self._library, self._config, self._console = library, config, console
+        self._engine = engine
 
     def run(
         self,
@@ -62,7 +66,7 @@ class EstimateRun:
         with (
             Steps(self._console, "image", len(images)) as steps,
             self._said_when_interrupted(writer),
-            PoseEstimator(self._library, self._config) as estimator,
+            make_estimator(self._engine, self._library, self._config) as estimator,
         ):
             steps.begin(len(images) - len(todo), "loading (compiles at first use)")
             for result in estimate_images(

@@ -10,7 +10,14 @@ from typing import Annotated
 
 import typer
 
-from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.cli.options import (
+    EngineOption,
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+)
+from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
 
@@ -69,6 +76,7 @@ def generate(
     resume: Annotated[
         bool, typer.Option(help="Keep the scenes that an earlier run finished.")
     ] = False,
+    engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -111,7 +119,7 @@ def generate(
             # First, how many an earlier run has made.
             (steps.reach if steps.begun else steps.begin)(done)
 
-        generate_dataset(out, library, config, scenes, workers, resume, tell)
+        generate_dataset(out, library, config, scenes, workers, resume, tell, engine)
     typer.echo(f"{scenes * views} images of {scenes} scenes in {out}")
 
 

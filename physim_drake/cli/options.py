@@ -11,10 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+EngineOption = Annotated[
+    Engine,
+    typer.Option(
+        "--engine",
+        help="Where the work is done: ray is on the cluster that the variable "
+        "RAY_ADDRESS names, else on this machine. The results are the same.",
+    ),
+]
+"""Of commands whose work can be divided."""
 
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="No progress; results and errors only.")

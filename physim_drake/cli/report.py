@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.cli.options import (
+    EngineOption,
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+)
+from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,6 +83,7 @@ def report(
     vsd: Annotated[
         bool, typer.Option(help="Compute VSD, for which every pose is rendered.")
     ] = False,
+    engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -108,7 +116,7 @@ def report(
     library = ObjectLibrary.load(data.models, {t.object_id for t in data.targets()})
     look_up, source = detection_lookup(data, detections, masks)
     config = _config(seed, workers, expansions, hypotheses)
-    study = Study(data, library, look_up, source, config)
+    study = Study(data, library, look_up, source, config, engine=engine)
     plan, notes = _plan(study, names, detector, weights, methods == _METHODS)
     total = len(study.images) * (len(plan) + 1)
     with Steps(messages(quiet), "image", total) as steps:

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.cli.options import (
+    EngineOption,
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+)
+from physim_drake.engine import Engine
 from physim_drake.models import APC11
 
 if TYPE_CHECKING:
@@ -126,6 +133,7 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with what an earlier run left.")
     ] = False,
+    engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -182,7 +190,14 @@ def train(
     library = ObjectLibrary.load(models)
     with _Reporter(messages(quiet)) as tell:
         run = DetectorTraining(
-            out, library, config, workers or default_workers(), where, resume, tell
+            out,
+            library,
+            config,
+            workers or default_workers(),
+            where,
+            resume,
+            tell,
+            engine,
         )
         result = run.run()
     typer.echo(f"{out / WEIGHTS_FILE}: {result}")

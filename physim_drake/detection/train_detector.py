@@ -28,6 +28,7 @@ from physim_drake.detection.training_images import (
 from physim_drake.detection.training_log import TrainingLog
 from physim_drake.detection.training_scenes import SceneSetConfig, generate_scene_set
 from physim_drake.detection.weights import save_weights, start_from
+from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.files import make_folder
 from physim_drake.objects import ObjectLibrary
@@ -78,6 +79,7 @@ class DetectorTraining:
         device: where the network learns.
         resume: go on with what an earlier run left.
         progress: is told how it goes.
+        engine: where scenes are generated.
     """
 
     def __init__(
@@ -89,11 +91,12 @@ class DetectorTraining:
         device: torch.device | None = None,
         resume: bool = False,
         progress: Progress = lambda stage, done, total, text: None,
+        engine: Engine = Engine.LOCAL,
     ) -> None:
         if len(library) == 0:
             raise InputError(library.source, "holds no object", "give object models")
         self._out, self._library, self._config = out, library, config
-        self._workers, self._progress = workers, progress
+        self._workers, self._progress, self._engine = workers, progress, engine
         self._device = torch.device("cpu") if device is None else device
         self._classes = classes_of(library)
         make_folder(out)
@@ -175,6 +178,7 @@ class DetectorTraining:
             self._workers,
             lambda done: self._progress(stage, done, total, ""),
             test=test,
+            engine=self._engine,
         )
         gc.collect()  # renderers hold contexts of the graphics library
         return root

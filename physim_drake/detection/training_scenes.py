@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from physim_drake.engine import Engine
 from physim_drake.objects import ObjectLibrary
 from physim_drake.scenes.containers import ContainerName
 from physim_drake.scenes.dataset import Progress, generate_dataset
@@ -69,6 +70,7 @@ def generate_scene_set(
     progress: Progress = lambda done: None,
     *,
     test: bool = False,
+    engine: Engine = Engine.LOCAL,
 ) -> Path:
     """Generates one of the two sets, or what is missing of it.
 
@@ -79,6 +81,7 @@ def generate_scene_set(
         workers: processes.
         progress: is told how many scenes are done.
         test: whether it is the test set.
+        engine: where the scenes are made.
 
     Returns:
         the dataset, in BOP layout.
@@ -97,5 +100,6 @@ def generate_scene_set(
         workers,
         resume=True,
         progress=progress,
+        engine=engine,
     )
     return root

@@ -11,6 +11,7 @@ import numpy as np
 from physim_drake.batch import DetectionLookup, estimate_images, match_detections
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId
 from physim_drake.datasets.results import ResultRow
+from physim_drake.engine import Engine
 from physim_drake.estimate import SceneEstimate
 from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
 from physim_drake.evaluation.evaluate import MakeRenderer, evaluate_results
@@ -20,6 +21,7 @@ from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection
 from physim_drake.poses import Array, SymmetryGroup
+from physim_drake.ray_estimation import make_estimator
 
 SUCCESS_DEG, SUCCESS_CM = 6.0, 1.5
 
@@ -87,6 +89,7 @@ class Study:
         source: what to call them.
         config: settings but the method.
         progress: is called once an image with what is being done.
+        engine: where methods run; the quality of hypotheses is judged here.
     """
 
     dataset: BopDataset
@@ -95,6 +98,7 @@ class Study:
     source: str
     config: EstimationConfig
     progress: Callable[[str], None] = lambda _: None
+    engine: Engine = Engine.LOCAL
 
     @property
     def images(self) -> list[ImageId]:
@@ -128,7 +132,7 @@ class Study:
             return found
 
         config = replace(self.config, method=method)
-        with PoseEstimator(self.library, config) as estimator:
+        with make_estimator(self.engine, self.library, config) as estimator:
             for result in estimate_images(
                 self.dataset, self.images, detections, estimator
             ):

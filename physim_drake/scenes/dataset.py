@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
@@ -22,10 +23,12 @@ from threadpoolctl import threadpool_limits
 
 from physim_drake.datasets.bop_writer import write_bop_models, write_json
 from physim_drake.datasets.json_nodes import read_json
+from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.files import cannot_write, write_atomically
 from physim_drake.objects import ObjectLibrary
 from physim_drake.processes import SupervisedPool, SupervisionConfig
+from physim_drake.ray_pool import RayPool
 from physim_drake.scenes.containers import ContainerName, load_container
 from physim_drake.scenes.directives import PACKAGE_XML
 from physim_drake.scenes.generation import check_scene_config, write_models
@@ -52,6 +55,7 @@ def generate_dataset(
     workers: int = 1,
     resume: bool = False,
     progress: Progress = lambda done: None,
+    engine: Engine = Engine.LOCAL,
 ) -> None:
     """Generates a dataset; the files do not depend on workers or interruptions.
 
@@ -60,9 +64,10 @@ def generate_dataset(
         library: the objects to draw from.
         config: its scenes.
         scenes: how many, numbered from 1.
-        workers: processes; 1 works in this process.
+        workers: processes; 1 works in this process; a cluster has its own number.
         resume: keep the scenes that an earlier run with the same settings finished.
         progress: is told how many scenes are done.
+        engine: where the scenes are made.
 
     Raises:
         InputError: where the settings cannot be, or files cannot be written.
@@ -84,7 +89,12 @@ def generate_dataset(
         done = {n for n in range(1, scenes + 1) if (split / f"{n:06d}").is_dir()}
         todo = [n for n in range(1, scenes + 1) if n not in done]
         progress(len(done))
-        _run(split, library, config, model_files, todo, workers, progress, len(done))
+        if engine is Engine.RAY:
+            _run_on_cluster(split, library, config, todo, progress, len(done))
+        else:
+            maker = partial(SceneMaker, split, library, config, model_files)
+            limit = _SCENE_LIMIT + _VIEW_LIMIT * config.views
+            _run(split, maker, limit, todo, workers, progress, len(done))
         _finish(root, settings, scenes)
     except OSError as error:
         raise cannot_write(root, error) from error
@@ -190,18 +200,45 @@ class SceneMaker:
             )
 
 
+class SceneSender:
+    """Makes scenes of one dataset where its folder is not, and sends their files.
+
+    Args:
+        library: the objects to draw from.
+        config: the scenes.
+    """
+
+    def __init__(self, library: ObjectLibrary, config: DatasetConfig) -> None:
+        self._folder = tempfile.TemporaryDirectory()
+        root = Path(self._folder.name)
+        files = _write_models(root, library)
+        self._split = root / SPLIT
+        self._split.mkdir()
+        self._maker = SceneMaker(self._split, library, config, files)
+
+    def make(self, scene_id: int) -> dict[str, bytes]:
+        """The files of a scene, by their path in its folder."""
+        self._maker.make(scene_id)
+        folder = self._split / f"{scene_id:06d}"
+        files = {
+            str(path.relative_to(folder)): path.read_bytes()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
+        shutil.rmtree(folder)
+        return files
+
+
 def _run(
     split: Path,
-    library: ObjectLibrary,
-    config: DatasetConfig,
-    model_files: Mapping[int, Path],
+    maker: Callable[[], SceneMaker],
+    time_limit: float,
     todo: list[int],
     workers: int,
     progress: Progress,
     done: int,
 ) -> None:
-    """Makes the scenes `todo`."""
-    maker = partial(SceneMaker, split, library, config, model_files)
+    """Makes the scenes `todo` here."""
     if workers == 1:
         with threadpool_limits(1):
             here = maker()
@@ -209,7 +246,7 @@ def _run(
                 here.make(scene_id)
                 progress(n)
         return
-    limits = SupervisionConfig(time_limit=_SCENE_LIMIT + _VIEW_LIMIT * config.views)
+    limits = SupervisionConfig(time_limit=time_limit)
     try:
         with SupervisedPool(maker, min(workers, max(len(todo), 1)), limits) as pool:
             made = pool.stream("make", [(scene_id,) for scene_id in todo])
@@ -217,6 +254,27 @@ def _run(
                 progress(n)
     finally:
         _remove_scratch(split)  # of processes that were ended
+
+
+def _run_on_cluster(
+    split: Path,
+    library: ObjectLibrary,
+    config: DatasetConfig,
+    todo: list[int],
+    progress: Progress,
+    done: int,
+) -> None:
+    """Makes the scenes `todo` on a Ray cluster."""
+    with RayPool(partial(SceneSender, library, config)) as pool:
+        made = pool.stream("make", [(scene_id,) for scene_id in todo])
+        for n, (index, files) in enumerate(made, start=done + 1):
+            scratch = split / f".{todo[index]:06d}.tmp"
+            for name, data in files.items():
+                path = scratch / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(data)
+            scratch.rename(split / f"{todo[index]:06d}")
+            progress(n)
 
 
 def _remove_scratch(folder: Path) -> None:
