@@ -130,10 +130,7 @@ def main(
 
 def configuration(search: Search) -> EstimationConfig:
     """The default settings, or the search of the paper: all 250 expansions, once."""
-    config = EstimationConfig()
-    if search is Search.DEFAULT:
-        return config
-    return replace(config, rounds=1, search=replace(config.search, patience=math.inf))
+    return EstimationConfig.paper() if search is Search.PLAIN else EstimationConfig()
 
 
 def _numbers(text: str) -> list[int]:

@@ -21,7 +21,7 @@ MAX_ASSET_BYTES = 256_000_000
 _MAX_HEADER = 65536  # bytes in which a mesh names its material or texture
 
 
-class FolderResolver(Resolver):
+class FolderResolver(Resolver):  # type: ignore[misc]
     """Gives a mesh loader the files of one folder and no others.
 
     Args:

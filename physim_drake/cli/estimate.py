@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,6 +16,7 @@ from physim_drake.cli.options import (
     EngineOption,
     LogLevel,
     LogLevelName,
+    Plain,
     Quiet,
     messages,
     surface_height,
@@ -115,6 +117,7 @@ def estimate(
     expansions: Annotated[
         int, typer.Option(min=1, help="Budget of the search, per group of objects.")
     ] = 250,
+    plain: Plain = False,
     hypotheses: Annotated[
         int, typer.Option(min=1, help="Poses per object that the search chooses from.")
     ] = 25,
@@ -203,6 +206,7 @@ def estimate(
         "expansions": str(expansions),
         "hypotheses": str(hypotheses),
         "seed": str(seed),
+        "plain": str(plain),
     }
     with ResultsWriter(out, resume, settings) as writer:
         EstimateRun(
@@ -211,7 +215,7 @@ def estimate(
             lookup,
             source,
             library,
-            _config(method, expansions, hypotheses, workers, seed),
+            _config(method, plain, expansions, hypotheses, workers, seed),
             messages(quiet),
             engine,
         ).run(chosen, writer, height, overlays, trace)
@@ -241,12 +245,20 @@ def _lookup(
 
 
 def _config(
-    method: str, expansions: int, hypotheses: int, workers: int | None, seed: int
+    method: str,
+    plain: bool,
+    expansions: int,
+    hypotheses: int,
+    workers: int | None,
+    seed: int,
 ) -> EstimationConfig:
     from physim_drake.estimation import EstimationConfig, Method
 
-    config = EstimationConfig(Method(method), seed, workers or default_workers())
-    return config.with_budget(expansions, hypotheses)
+    config = EstimationConfig.paper() if plain else EstimationConfig()
+    config = config.with_budget(expansions, hypotheses)
+    return replace(
+        config, method=Method(method), seed=seed, workers=workers or default_workers()
+    )
 
 
 def default_workers() -> int:

@@ -27,6 +27,16 @@ EngineOption = Annotated[
 ]
 """Of commands whose work can be divided."""
 
+Plain = Annotated[
+    bool,
+    typer.Option(
+        "--plain",
+        help="Search as the paper does: all expansions, however little they gain, and "
+        "once only.",
+    ),
+]
+"""Of commands that search."""
+
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="No progress; results and errors only.")
 ]

@@ -14,6 +14,7 @@ from physim_drake.cli.options import (
     EngineOption,
     LogLevel,
     LogLevelName,
+    Plain,
     Quiet,
     messages,
 )
@@ -73,6 +74,7 @@ def report(
         ),
     ] = None,
     expansions: Annotated[int, typer.Option(min=1, help="Expansions a group.")] = 250,
+    plain: Plain = False,
     hypotheses: Annotated[
         int, typer.Option(min=1, help="Representatives an object.")
     ] = 25,
@@ -115,7 +117,7 @@ def report(
     data = BopDataset(dataset, split, models)
     library = ObjectLibrary.load(data.models, {t.object_id for t in data.targets()})
     look_up, source = detection_lookup(data, detections, masks)
-    config = _config(seed, workers, expansions, hypotheses)
+    config = _config(seed, plain, workers, expansions, hypotheses)
     study = Study(data, library, look_up, source, config, engine=engine)
     plan, notes = _plan(study, names, detector, weights, methods == _METHODS)
     total = len(study.images) * (len(plan) + 1)
@@ -198,10 +200,11 @@ def _read_methods(text: str) -> list[Method]:
 
 
 def _config(
-    seed: int, workers: int | None, expansions: int, hypotheses: int
+    seed: int, plain: bool, workers: int | None, expansions: int, hypotheses: int
 ) -> EstimationConfig:
     from physim_drake.cli.estimate import default_workers
     from physim_drake.estimation import EstimationConfig
 
-    config = EstimationConfig(seed=seed, workers=workers or default_workers())
-    return config.with_budget(expansions, hypotheses)
+    config = EstimationConfig.paper() if plain else EstimationConfig()
+    config = config.with_budget(expansions, hypotheses)
+    return replace(config, seed=seed, workers=workers or default_workers())

@@ -75,7 +75,7 @@ def train(
     test_images: Annotated[
         int, typer.Option(min=1, help="Images of other scenes to test on.")
     ] = 200,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of training.")] = 6000,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of training.")] = 4500,
     batch: Annotated[int, typer.Option(min=1, help="Images a step.")] = 8,
     network: Annotated[
         Network,

@@ -50,7 +50,7 @@ class TrainingConfig:
         bfloat16: whether products are done with 16 bits.
     """
 
-    steps: int = 6000
+    steps: int = 4500
     batch: int = 8
     learning_rate: float = 1e-3
     warmup: int = 300
