@@ -11,7 +11,6 @@ APC11 = Path(__file__).parent / "apc11"
 DETECTOR = APC11 / "detector.safetensors"
 """Weights of a network that finds these objects: Faster R-CNN, with masks."""
 
-FCN = APC11 / "fcn.safetensors"
 """Weights of a network that says which of these objects each pixel shows."""
 
 PACKAGE_XML = Path(__file__).parent / "package.xml"

@@ -18,7 +18,7 @@ from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation import Request
 from physim_drake.files import write_atomically
-from physim_drake.models import APC11, DETECTOR, FCN
+from physim_drake.models import APC11, DETECTOR
 from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.ray_estimation import Estimator
 
@@ -146,18 +146,7 @@ def trained_lookup(
 
     if weights is not None:
         return network_lookup(dataset, weights, targets, pixels=pixels)
-    default = default_weights(pixels)
-    return network_lookup(dataset, default, targets, like=APC11, pixels=pixels)
-
-
-def default_weights(pixels: bool = False) -> Path:
-    """The weights that come with the package.
-
-    Args:
-        pixels: those of a network that tells the class of every pixel.
-    """
-    # A detector's weights hold those of a network for pixels as well.
-    return FCN if pixels and FCN.exists() else DETECTOR
+    return network_lookup(dataset, DETECTOR, targets, like=APC11, pixels=pixels)
 
 
 def boxes_only(look_up: DetectionLookup) -> DetectionLookup:

@@ -9,11 +9,10 @@ from pathlib import Path
 
 from pydrake.common.schema import Transform
 
-from physim_drake.batch import default_weights
 from physim_drake.detection.choosing import ChoiceConfig
 from physim_drake.errors import InputError
 from physim_drake.estimation import EstimationConfig, Method
-from physim_drake.models import APC11
+from physim_drake.models import APC11, DETECTOR
 from physim_drake.objects import ObjectLibrary, ObjectModel
 from physim_drake.systems.camera_source import CameraSourceConfig
 from physim_drake.systems.detector import OracleDetector, TrainedDetector
@@ -74,9 +73,7 @@ class NetworkDetectorConfig:
         # Imported here, since torch takes its time.
         from physim_drake.detection.detector import NetworkDetector
 
-        path = default_weights(self.pixels)
-        if self.weights:
-            path = Path(self.weights)
+        path = Path(self.weights) if self.weights else DETECTOR
         network = NetworkDetector.load(path, pixels=self.pixels)
         names = {object_id: model.name for object_id, model in objects.items()}
         network.check_objects(names, "the library")

@@ -335,12 +335,9 @@ def test_a_defect_of_the_whole_leaves_earlier_results(
     assert out.read_text() == "earlier"
 
 
-def use_weights(
-    monkeypatch: pytest.MonkeyPatch, detector: Path, fcn: Path | None = None
-) -> None:
+def use_weights(monkeypatch: pytest.MonkeyPatch, detector: Path) -> None:
     """Makes these the weights that come with the package."""
     monkeypatch.setattr(batch, "DETECTOR", detector)
-    monkeypatch.setattr(batch, "FCN", fcn or detector.with_name("none"))
 
 
 def test_without_detections_and_weights_one_of_them_is_asked_for(
@@ -429,7 +426,7 @@ def test_the_method_with_segments_of_its_own_leaves_given_boxes_alone(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    use_weights(monkeypatch, tmp_path / "none", weights)
+    use_weights(monkeypatch, weights)
     monkeypatch.setattr(NetworkDetector, "detect", masked(SCENE, 1))
     out = tmp_path / "r.csv"
     method = ("--method", "fcn-pca-icp", "--images", "1/0")

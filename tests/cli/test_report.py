@@ -117,7 +117,6 @@ def test_a_missing_row_is_explained(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(batch, "DETECTOR", tmp_path / "none")
-    monkeypatch.setattr(batch, "FCN", tmp_path / "none")
     command = sys.modules["physim_drake.cli.report"]
     monkeypatch.setattr(command, "_METHODS", "pca-icp,fcn-pca-icp")
     assert run("--methods", "pca-icp,fcn-pca-icp") == 0
@@ -146,7 +145,6 @@ def test_what_cannot_be_done_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(batch, "DETECTOR", tmp_path / "none")
-    monkeypatch.setattr(batch, "FCN", tmp_path / "none")
     assert run(*arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: ")

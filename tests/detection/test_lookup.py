@@ -16,7 +16,6 @@ from physim_drake.batch import (
 )
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection import lookup
-from physim_drake.detection.config import NetworkKind
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
@@ -159,17 +158,12 @@ def test_objects_without_a_name_are_told_by_their_size(
         detection_lookup(dataset)
 
 
-def test_segments_come_from_the_weights_for_pixels(
+def test_segments_come_from_the_detector_as_well(
     dataset: BopDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     name_models(dataset.root, "object 1", "object 2")
-    fcn = write_weights(tmp_path / "fcn", 1, 2, kind=NetworkKind.FCN)
     detector = write_weights(tmp_path / "detector", 1, 2)
-    monkeypatch.setattr(batch, "FCN", fcn)
     monkeypatch.setattr(batch, "DETECTOR", detector)
-    assert trained_lookup(dataset, pixels=True)[1] == str(fcn)
-    assert trained_lookup(dataset)[1] == str(detector)
-    fcn.unlink()
     look_up, source = trained_lookup(dataset, pixels=True)
     assert source == str(detector)
     found = [d for d in look_up(IMAGE) if d.seen]
