@@ -77,6 +77,20 @@ def train(
     ] = 200,
     steps: Annotated[int, typer.Option(min=1, help="Steps of training.")] = 4500,
     batch: Annotated[int, typer.Option(min=1, help="Images a step.")] = 8,
+    learning_rate: Annotated[
+        float,
+        typer.Option(
+            min=1e-6, max=0.1, help="Highest; a third of it suffices with --start."
+        ),
+    ] = 1e-3,
+    calm: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Share of the steps, at the end, in which images are changed little.",
+        ),
+    ] = 0.2,
     network: Annotated[
         Network,
         typer.Option(help="faster-rcnn finds objects, fcn the class of each pixel."),
@@ -178,6 +192,8 @@ def train(
         TrainingConfig(
             steps=steps,
             batch=batch,
+            learning_rate=learning_rate,
+            calm=calm,
             warmup=min(300, max(steps // 10, 1)),
             save_every=save_every,
             test_every=max(steps // 8, 1),

@@ -9,7 +9,7 @@ mirrored: a mirrored print is none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -56,6 +56,19 @@ class AugmentationConfig:
     occluder: float = 0.2
     photometry: PhotometryConfig = field(default_factory=PhotometryConfig)
 
+    def calmed(self) -> AugmentationConfig:
+        """The same with changes so much smaller that images look as they are made."""
+        return replace(
+            self,
+            zoom=(self.zoom[0] ** 0.4, self.zoom[1] ** 0.4),
+            max_shift=0.4 * self.max_shift,
+            max_turn=0.5 * self.max_turn,
+            background=0.2 * self.background,
+            paste=0.2 * self.paste,
+            occluder=0.2 * self.occluder,
+            photometry=self.photometry.calmed(),
+        )
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -90,19 +103,24 @@ class Augmenter:
         seed: int = 0,
     ) -> None:
         self._images, self._labels, self._config = images, labels, config
-        self._size = size
+        self._size, self._calm = size, config.calmed()
         rng = np.random.default_rng([seed, 1])
         self._backgrounds = [draw_texture(rng) for _ in range(config.backgrounds)]
 
-    def draw(self, rng: np.random.Generator) -> Sample:
-        """One sample; the same state of `rng` gives the same."""
-        config = self._config
+    def draw(self, rng: np.random.Generator, *, calm: bool = False) -> Sample:
+        """One sample; the same state of `rng` gives the same.
+
+        Args:
+            rng: gives the changes.
+            calm: whether they are small ones.
+        """
+        config = self._calm if calm else self._config
         image = self._image(rng)
         if rng.random() < config.background:
             image = self._other_background(image, rng)
         if rng.random() < config.paste:
             image = self._pasted(image, self._image(rng), rng)
-        image = self._moved(image, rng)
+        image = self._moved(image, config, rng)
         if rng.random() < config.occluder:
             image = self._occluded(image, rng)
         color = take_photo(image.color, config.photometry, rng)
@@ -154,10 +172,14 @@ class Augmenter:
                 depth[seen] = far[seen] / np.float32(zoom)
         return LabelledImage(color, labels, tuple(ids), depth)
 
-    def _moved(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
+    def _moved(
+        self,
+        image: LabelledImage,
+        config: AugmentationConfig,
+        rng: np.random.Generator,
+    ) -> LabelledImage:
         """The image at the size of samples, zoomed, shifted and turned."""
         height, width = self._size
-        config = self._config
         low, high = np.log(config.zoom)
         zoom = np.exp(rng.uniform(low, high))
         matrix = _motion(

@@ -44,6 +44,24 @@ class PhotometryConfig:
     grain: float = 0.3
     compress: float = 0.2
 
+    def calmed(self) -> PhotometryConfig:
+        """The same with changes half as large."""
+        low, high = self.saturation
+        return PhotometryConfig(
+            gain=self.gain / 2,
+            offset=self.offset / 2,
+            gamma=self.gamma / 2,
+            white_balance=self.white_balance / 2,
+            saturation=((1 + low) / 2, (1 + high) / 2),
+            hue=self.hue / 2,
+            blur=self.blur / 2,
+            max_blur=max(self.max_blur / 2, 0.4),
+            sharpen=self.sharpen / 2,
+            noise=self.noise / 2,
+            grain=self.grain / 2,
+            compress=self.compress / 2,
+        )
+
 
 def take_photo(
     color: NDArray[np.uint8], config: PhotometryConfig, rng: np.random.Generator

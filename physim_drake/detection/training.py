@@ -48,6 +48,9 @@ class TrainingConfig:
         test_every: steps between tests.
         seed: of all random choices.
         bfloat16: whether products are done with 16 bits.
+        calm: the share of the steps, the last ones, in which images are changed little,
+            so that the network ends with images as they will be (Ge et al., "YOLOX",
+            2021, end without their strongest changes, too).
     """
 
     steps: int = 4500
@@ -61,6 +64,7 @@ class TrainingConfig:
     test_every: int = 1000
     seed: int = 0
     bfloat16: bool = False
+    calm: float = 0.2
 
     def rate(self, step: int) -> float:
         """The learning rate of a step, from 0."""
@@ -195,7 +199,10 @@ def _samples(
 
         def draw(step: int) -> list[Sample]:
             return [
-                augmenter.draw(np.random.default_rng([config.seed, 3, step, k]))
+                augmenter.draw(
+                    np.random.default_rng([config.seed, 3, step, k]),
+                    calm=step >= config.steps * (1 - config.calm),
+                )
                 for k in range(config.batch)
             ]
 

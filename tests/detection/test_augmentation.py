@@ -49,6 +49,28 @@ def test_nothing_changes_where_nothing_is_asked_for(images: TrainingImages):
     assert counts == [int((expected.labels == k).sum()) for k in (1, 2)]
 
 
+def test_calm_changes_are_smaller(images: TrainingImages):
+    """Measured by how much of the colours of an object is still there."""
+    still = augmenter(images, STILL)
+    both = augmenter(images, AugmentationConfig(backgrounds=5))
+
+    def difference(seed: int, calm: bool) -> float:
+        plain = still.draw(np.random.default_rng(seed)).image[:3]
+        changed = both.draw(np.random.default_rng(seed), calm=calm).image[:3]
+        return float((changed - plain).abs().mean())
+
+    wild = np.mean([difference(seed, False) for seed in range(40)])
+    assert np.mean([difference(seed, True) for seed in range(40)]) < 0.7 * wild
+
+
+def test_no_changes_are_calm_ones_too(images: TrainingImages):
+    one, other = (
+        augmenter(images, STILL).draw(np.random.default_rng(0), calm=calm)
+        for calm in (True, False)
+    )
+    assert torch.equal(one.image, other.image)
+
+
 @settings(max_examples=40)
 @given(seed=st.integers(0, 300))
 def test_boxes_and_masks_belong_together(images: TrainingImages, seed: int):
