@@ -57,7 +57,7 @@ from physim_drake.systems.exploration import (
 )
 from physim_drake.typed_yaml import load_typed_yaml
 
-DIM = Path(__file__).parents[1] / "examples" / "scenarios" / "dim.yaml"
+DIM = Path(__file__).parents[1] / "examples" / "lighting" / "dim.yaml"
 _OTHER_SCENES = 1_000_003  # added to the seed, for the test set
 
 

@@ -8,7 +8,9 @@ is called once and keeps it. https://docs.ray.io/en/latest/ray-core/fault-tolera
 
 from __future__ import annotations
 
+import os
 import pickle
+import socket
 import uuid
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
@@ -16,6 +18,7 @@ from typing import Any
 
 from physim_drake.errors import InputError, PhysimError
 
+_PATIENCE = 10.0  # s until a cluster must answer
 _AHEAD = 2  # calls a processor that are on their way
 _made: tuple[str, Any] = ("", None)  # in a worker process: the object, and which it is
 
@@ -165,6 +168,7 @@ def _connect() -> Any:
         ) from None
     if not ray.is_initialized():
         try:
+            _knock(os.environ.get("RAY_ADDRESS", ""))
             ray.init(log_to_driver=False, logging_level="ERROR")
         except (ConnectionError, OSError, RuntimeError, ValueError) as error:
             raise InputError(
@@ -173,3 +177,14 @@ def _connect() -> Any:
                 "check the address, or unset the variable to use this machine alone",
             ) from None
     return ray
+
+
+def _knock(address: str) -> None:
+    """Sees in seconds whether anyone listens at HOST:PORT; Ray itself tries for long.
+
+    Raises:
+        OSError: where no one does.
+    """
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host, int(port)), timeout=_PATIENCE).close()

@@ -66,7 +66,7 @@ def learn(
     detector saw nothing. OUT gets the labelled views, in BOP layout, for
     `train --data OUT --start WEIGHTS`.
 
-    Example: `physim-drake learn out/learnt --conditions examples/scenarios/dim.yaml`
+    Example: `physim-drake learn out/learnt --conditions examples/lighting/dim.yaml`
     """
     from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps

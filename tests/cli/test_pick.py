@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import torch
 
-from physim_drake import batch
 from physim_drake.cli import main
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks import ObjectClass
+from physim_drake.systems import perception_config
 from tests.cli.test_detect import write_weights_of
 
 ONE = """
@@ -142,7 +142,7 @@ def test_weights_that_cannot_be_used_are_one_line_and_exit_status_2(
     if named_by == "option":
         options += ["--weights", weights]
     if named_by == "package":
-        monkeypatch.setattr(batch, "DETECTOR", weights)
+        monkeypatch.setattr(perception_config, "DETECTOR", weights)
     path = scenario(tmp_path, text)
     assert run(monkeypatch, path, *options) == 2
     (line,) = [e for e in capfd.readouterr().err.splitlines() if "error: " in e]

@@ -32,7 +32,7 @@ from physim_drake.systems.exploration import (
 from physim_drake.systems.looking_cell import LookingCell
 from physim_drake.typed_yaml import load_typed_yaml
 
-DIM = Path(__file__).parents[2] / "examples" / "scenarios" / "dim.yaml"
+DIM = Path(__file__).parents[2] / "examples" / "lighting" / "dim.yaml"
 VIEWS = 3
 
 
