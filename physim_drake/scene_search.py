@@ -11,6 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -187,9 +188,10 @@ class SceneSearch:
         def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
             return self._pool.map("rollout", [(rollout,) for rollout in rollouts])
 
-        search = GroupSearch(
-            order, [hypotheses[k] for k in order], run, self._config.search
-        )
+        config = self._config.search
+        if number > 0:  # what is doubtful is worth all expansions
+            config = replace(config, patience=math.inf)
+        search = GroupSearch(order, [hypotheses[k] for k in order], run, config)
         if self._config.method is Method.PHYSIM_HEURISTIC:
             return heuristic_search(search)
         generator = np.random.default_rng([self._config.seed, number, *order])

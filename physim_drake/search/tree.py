@@ -30,7 +30,8 @@ class SearchConfig:
 
     Attributes:
         expansions: no round begins after this many expansions of a group.
-        patience: nor after this many for each of its objects without a better state.
+        patience: nor after this many for each of its objects without a better state;
+            infinite where a group is searched again.
         time_limit: seconds a group; none by default, since it ends reproducibility.
         exploration: the UCB constant alpha, in pixels.
         rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
