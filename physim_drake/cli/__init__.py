@@ -95,5 +95,4 @@ def main() -> None:
             # An interrupt in an import, for instance, may come out as another error.
             if interrupts.number is None:
                 raise
-        interrupts.say()
-        sys.exit(interrupts.status)
+        interrupts.end()

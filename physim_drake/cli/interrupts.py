@@ -17,7 +17,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from types import FrameType, TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 PATIENCE = 1.4
 """Seconds that an orderly end may take."""
@@ -67,9 +67,19 @@ class Interrupts:
         """Tells what is kept, unless the command has."""
         say_interrupted(self._kept)
 
+    def end(self) -> NoReturn:
+        """Ends the program that a signal stopped, once it has cleaned up.
+
+        Python's own way out would end libraries whose threads are still in the midst
+        of a computation that the interrupt broke off, and crash now and then.
+        """
+        self.say()
+        with suppress(OSError):
+            sys.stdout.flush()  # nobody may read it any more
+        os._exit(self._status)
+
     @property
-    def status(self) -> int:
-        """The exit status of a program that a signal ended."""
+    def _status(self) -> int:
         return 128 + (self.number or signal.SIGINT)
 
     def __enter__(self) -> Interrupts:
@@ -118,4 +128,4 @@ class Interrupts:
         self.number = number
         with suppress(Exception):
             self.say()
-        os._exit(self.status)
+        os._exit(self._status)
