@@ -19,9 +19,9 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from types import TracebackType
 from typing import Any
 
+from physim_drake.closing import Closing
 from physim_drake.errors import PhysimError
 from physim_drake.process_life import PoolProcess, Reply
 
@@ -60,7 +60,7 @@ class _Call:
     deaths: list[str] = field(default_factory=list)
 
 
-class SupervisedPool:
+class SupervisedPool(Closing):
     """Some processes that call the methods of one object each.
 
     Args:
@@ -214,14 +214,3 @@ class SupervisedPool:
         """Ends the processes at once; they have nothing to finish."""
         self._closed = True
         self._kill()
-
-    def __enter__(self) -> SupervisedPool:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

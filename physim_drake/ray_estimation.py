@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from types import TracebackType
 
+from physim_drake.closing import Closing
 from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.estimate import SceneEstimate
@@ -17,7 +17,7 @@ from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.ray_pool import RayPool, in_order
 
 
-class RayEstimator:
+class RayEstimator(Closing):
     """Estimates scenes on the machines of a Ray cluster, one on each processor.
 
     Args:
@@ -36,15 +36,8 @@ class RayEstimator:
                 raise answer
             yield answer
 
-    def __enter__(self) -> RayEstimator:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Gives up the processes."""
         self._pool.close()
 
 

@@ -13,9 +13,9 @@ import pickle
 import socket
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from types import TracebackType
 from typing import Any
 
+from physim_drake.closing import Closing
 from physim_drake.errors import InputError, PhysimError
 
 _PATIENCE = 10.0  # s until a cluster must answer
@@ -23,7 +23,7 @@ _AHEAD = 2  # calls a processor that are on their way
 _made: tuple[str, Any] = ("", None)  # in a worker process: the object, and which it is
 
 
-class RayPool:
+class RayPool(Closing):
     """Calls the methods of one object, made anew in every worker process.
 
     The machines are those of the cluster that the variable RAY_ADDRESS names, or that
@@ -91,17 +91,6 @@ class RayPool:
     def close(self) -> None:
         """Forgets the object; the connection to the cluster stays."""
         self._make = None
-
-    def __enter__(self) -> RayPool:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _room(self) -> int:
         """How many calls may be on their way; machines come and go."""

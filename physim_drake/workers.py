@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from physim_drake.closing import Closing
 from physim_drake.hypotheses.generation import (
     HypothesisConfig,
     PoseHypotheses,
@@ -117,7 +117,7 @@ class Worker:
         return self._joint_refiner
 
 
-class WorkerPool:
+class WorkerPool(Closing):
     """Runs a `Worker`'s methods on many arguments at once.
 
     Args:
@@ -179,17 +179,6 @@ class WorkerPool:
         """Ends the worker processes."""
         if self._processes is not None:
             self._processes.close()
-
-    def __enter__(self) -> WorkerPool:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _make_worker(library: ObjectLibrary, config: WorkerConfig) -> Worker:

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from physim_drake.closing import Closing
 from physim_drake.datasets.bop_writer import (
     BopImage,
     write_bop_models,
@@ -68,7 +68,7 @@ class ExplorationConfig:
     learning: SelfLearningConfig = field(default_factory=SelfLearningConfig)
 
 
-class Explorer:
+class Explorer(Closing):
     """Looks at scenes from all around and learns from them.
 
     Args:
@@ -165,17 +165,6 @@ class Explorer:
         """Ends worker processes and removes temporary files."""
         self._estimator.close()
         self._folder.cleanup()
-
-    def __enter__(self) -> Explorer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _begin(
         self, number: int

@@ -6,7 +6,6 @@ from __future__ import annotations
 import weakref
 from collections import Counter
 from dataclasses import replace
-from types import TracebackType
 from typing import Any
 
 from pydrake.geometry import (
@@ -18,6 +17,7 @@ from pydrake.geometry import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from physim_drake.closing import Closing
 from physim_drake.errors import InputError
 from physim_drake.estimation import Method, PoseEstimator
 from physim_drake.objects import ObjectLibrary
@@ -41,7 +41,7 @@ from physim_drake.systems.rgbd_sensors import add_rgbd_sensors
 from physim_drake.systems.stage import TimingConfig
 
 
-class PerceptionDiagram(Diagram):
+class PerceptionDiagram(Diagram, Closing):
     """Estimates the poses of a plant's objects whenever it is triggered.
 
     .. pydrake_system::
@@ -115,17 +115,6 @@ class PerceptionDiagram(Diagram):
         """Ends the worker processes, unless the estimator was given."""
         if hasattr(self, "_end"):
             self._end()
-
-    def __enter__(self) -> PerceptionDiagram:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _timing(self, latency: float = 0.0) -> TimingConfig:
         return TimingConfig(latency, self._config.poll_period)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import (
@@ -16,11 +16,13 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
+from physim_drake.closing import Closing
+
 LINE_EVERY = 30.0
 """Between lines where there is no terminal, s."""
 
 
-class Steps:
+class Steps(Closing):
     """Tells how many of some steps are done, how long one takes and what is left.
 
     Use it as a context manager.
@@ -94,17 +96,13 @@ class Steps:
         left = _clock_time(each * (self._total - self._done))
         return f"{rate} a{_n(self._unit)} {self._unit}, {left} left"
 
-    def __enter__(self) -> Steps:
+    def close(self) -> None:
+        """Takes the bar away."""
+        self._bar.stop()
+
+    def __enter__(self) -> Self:
         self._bar.start()
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
 
 
 def _clock_time(seconds: float) -> str:

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,6 +17,8 @@ from physim_drake.cli.options import (
     Quiet,
     messages,
 )
+from physim_drake.cli.progress import Steps
+from physim_drake.closing import Closing
 from physim_drake.engine import Engine
 from physim_drake.models import APC11
 
@@ -227,53 +229,25 @@ def _bfloat16(precision: Precision, device: Any) -> bool:
     return precision is Precision.BFLOAT16
 
 
-class _Reporter:
-    """A bar on a terminal; elsewhere a line now and then."""
+class _Reporter(Closing):
+    """Tells how far each stage of a training run is."""
 
     def __init__(self, console: Console) -> None:
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeRemainingColumn,
-        )
+        self._console, self._stage = console, ""
+        self._steps: Steps | None = None
+        self._open = ExitStack()
 
-        self._console = console
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self._tasks: dict[str, Any] = {}
-
-    def __enter__(self) -> _Reporter:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
+    def close(self) -> None:
+        """Takes the bar away."""
+        self._open.close()
 
     def __call__(self, stage: str, done: int, total: int, text: str) -> None:
-        if stage == "test":
-            self._print(f"after {done} steps: {text}")
+        if self._steps is not None and stage == "test":
+            self._steps.say(f"after {done} steps: {text}")
             return
-        if stage not in self._tasks:
-            self._tasks[stage] = self._bar.add_task(stage, total=total)
-        self._bar.update(
-            self._tasks[stage], completed=done, description=f"{stage} {text}".strip()
-        )
-        every = max(total // 50, 1)
-        if not self._console.is_terminal and (done % every == 0 or done == total):
-            self._print(f"{stage} {done}/{total} {text}".strip())
-
-    def _print(self, text: str) -> None:
-        self._console.print(text, markup=False, soft_wrap=True)
+        if self._steps is None or stage != self._stage:
+            self.close()
+            self._stage = stage
+            self._steps = Steps(self._console, stage.removesuffix("s"), total)
+            self._open.enter_context(self._steps).begin(done)
+        self._steps.reach(done, text)

@@ -19,10 +19,10 @@ from contextlib import suppress
 from dataclasses import replace
 from io import FileIO
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
+from physim_drake.closing import Closing
 from physim_drake.datasets.bop import ImageId
 from physim_drake.datasets.json_nodes import JsonNode
 from physim_drake.datasets.results import COLUMNS, ResultRow, format_row
@@ -31,7 +31,7 @@ from physim_drake.files import cannot_write
 from physim_drake.poses import is_rotation
 
 
-class ResultsWriter:
+class ResultsWriter(Closing):
     """Appends the results of one image after another; a context manager.
 
     Args:
@@ -118,17 +118,6 @@ class ResultsWriter:
         """Closes both files; the progress file stays, for a later --resume."""
         self._results.close()
         self._progress.close()
-
-    def __enter__(self) -> ResultsWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _check_in_place(self) -> None:
         """Raises `InputError` where what is written would reach no one."""
