@@ -23,6 +23,7 @@ from physim_drake.poses import Array
 Grid = NDArray[np.float32]
 
 _MAX_CELLS = 400_000
+_BLOCK = 10_000  # nodes at a time: each needs kilobytes for its candidate faces
 _MIN_SPACING = 0.0025
 _MARGIN = 0.03
 _SAMPLES_PER_CELL_AREA = 2.5
@@ -130,6 +131,18 @@ def _exact_distances(
     mesh: trimesh.Trimesh, points: Array, candidates: NDArray[np.int64]
 ) -> tuple[Array, Array]:
     """Distances (N,) to the nearest of K candidate faces (N, K), and their side."""
+    blocks = range(0, max(len(points), 1), _BLOCK)
+    parts = [
+        _block_distances(mesh, points[n : n + _BLOCK], candidates[n : n + _BLOCK])
+        for n in blocks
+    ]
+    distances, sides = zip(*parts, strict=True)
+    return np.concatenate(distances), np.concatenate(sides)
+
+
+def _block_distances(
+    mesh: trimesh.Trimesh, points: Array, candidates: NDArray[np.int64]
+) -> tuple[Array, Array]:
     count, k = candidates.shape
     faces = candidates.ravel()
     closest = trimesh.triangles.closest_point(
