@@ -40,6 +40,12 @@ typecheck: setup  ## Check types.
 peers: setup  ## Install what benchmarks/peers compares with, into build/peers.
 	@requirements/peers.sh
 
+# Without atheris, which is large and of no use elsewhere, hypothesis makes the inputs.
+.PHONY: soak
+soak: setup  ## Kill runs, fuzz readers, estimate 1,000 images; hours; a table in out/soak.
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/fuzz.txt || true
+	@$(BIN)/python -m benchmarks.soak $(SOAK)
+
 .PHONY: setup
 setup: $(STAMP)  ## Install what is needed into .venv, and the OpenGL libraries.
 	@requirements/graphics.sh

@@ -4,10 +4,10 @@
     python benchmarks/fuzz.py [--target bop|csv|rle|png|mesh|yaml|weights|all]
         [--seconds 60] [--json FILE] [--out FOLDER]
 
-With atheris installed (`pip install atheris`) inputs are guided by the code that they
-reach; without it they come from hypothesis. Each target runs in a process of its own.
-An input that makes a reader raise anything else, take more than 20 s or more than 4 GB
-is kept in the folder of --out, and the exit status is 1.
+With atheris installed (`pip install -e '.[fuzz]'`) inputs are guided by the code that
+they reach; without it they come from hypothesis. Each target runs in a process of its
+own. An input that makes a reader raise anything else, take more than 20 s or more than
+4 GB is kept in the folder of --out, and the exit status is 1.
 """
 
 from __future__ import annotations
@@ -17,20 +17,53 @@ import json
 import os
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 NAMES = ("bop", "csv", "rle", "png", "mesh", "yaml", "weights")
+ENGINES = ("atheris", "hypothesis")
 SECONDS_AN_INPUT = 20
 MEMORY_MB = 4096
+_START = 600  # s that a target may take beside reading: imports, shrinking an input
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of one target.
+
+    Attributes:
+        target: its name.
+        inputs: how many it read.
+        seconds: how long it ran, its start included.
+        memory_mb: the most memory that its process had.
+        faults: names of files that hold inputs that went wrong, and what else did.
+    """
+
+    target: str
+    inputs: int
+    seconds: int
+    memory_mb: int
+    faults: list[str]
+
+    @property
+    def good(self) -> bool:
+        """Whether something was read and nothing went wrong."""
+        return self.inputs > 0 and not self.faults
+
+
+class _TooSlowError(BaseException):
+    """A reader takes too long; no `Exception`, so that the reader cannot catch it."""
 
 
 def main(
@@ -43,64 +76,102 @@ def main(
     """Fuzzes one target, or each in turn for its share of the time."""
     if target not in (*NAMES, "all"):
         raise typer.BadParameter(f"choose from {', '.join(NAMES)} and all", None)
-    names = NAMES if target == "all" else (target,)
-    engine = engine or _engine()
-    out.mkdir(parents=True, exist_ok=True)
-    found = [_fuzz(name, seconds / len(names), engine, out) for name in names]
+    engine = engine or default_engine()
+    found = fuzz(NAMES if target == "all" else (target,), seconds, engine, out)
     table = Table("target", "inputs", "s", "memory, MB", "faults", title=engine)
     for row in found:
-        table.add_row(
-            *(str(row[k]) for k in ("target", "inputs", "seconds")),
-            str(row["memory_mb"]),
-            ", ".join(row["faults"]) or "0",
-        )
+        figures = map(str, (row.inputs, row.seconds, row.memory_mb))
+        table.add_row(row.target, *figures, ", ".join(row.faults) or "0")
     Console().print(table)
     if json_file:
-        json_file.write_text(json.dumps({"engine": engine, "targets": found}, indent=1))
-    raise typer.Exit(any(row["faults"] for row in found))
+        rows = [asdict(row) for row in found]
+        json_file.write_text(json.dumps({"engine": engine, "targets": rows}, indent=1))
+    raise typer.Exit(not all(row.good for row in found))
 
 
-def _engine() -> str:
+def fuzz(
+    names: Sequence[str],
+    seconds: float,
+    engine: str,
+    out: Path,
+    told: Callable[[Finding], object] = lambda found: None,
+) -> list[Finding]:
+    """Fuzzes targets one after the other.
+
+    Args:
+        names: of the targets.
+        seconds: how long to read in all; each target has the same share.
+        engine: one of `ENGINES`.
+        out: folder for inputs that go wrong; is made.
+        told: hears of each target when it is done.
+
+    Returns:
+        what came of each, in order.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    findings = []
+    for name in names:
+        findings.append(_fuzz_target(name, seconds / len(names), engine, out))
+        told(findings[-1])
+    return findings
+
+
+def default_engine() -> str:
+    """The best engine that is installed; says so where it is not atheris."""
     if importlib.util.find_spec("atheris") is not None:
         return "atheris"
     print(
-        "atheris is not installed (pip install atheris), so hypothesis makes the "
+        "atheris is not installed (pip install -e '.[fuzz]'), so hypothesis makes the "
         "inputs, unguided by the code that they reach",
         file=sys.stderr,
     )
     return "hypothesis"
 
 
-def _fuzz(name: str, seconds: float, engine: str, out: Path) -> dict[str, object]:
+def _fuzz_target(name: str, seconds: float, engine: str, out: Path) -> Finding:
     """Runs one target in a process; what it found."""
     before = set(out.iterdir())
-    command = [sys.executable, __file__, "--child", name, engine, str(out)]
     start = time.monotonic()
-    done = subprocess.run(
-        [*command, str(max(1, round(seconds)))], capture_output=True, text=True
-    )
-    text = done.stdout + done.stderr
+    text, wrong = _run_process(name, max(1, round(seconds)), engine, out)
     inputs = re.findall(r"(?:number_of_executed_units:|^inputs) *(\d+)", text, re.M)
     memory = re.findall(r"(?:peak_rss_mb:|^memory) *(\d+)", text, re.M)
     faults = sorted(path.name for path in set(out.iterdir()) - before)
-    if done.returncode != 0 or not inputs:
+    if wrong or not inputs:
         log = out / f"{name}.log"
         log.write_text(text)
         faults.append(f"see {log}")
-    return {
-        "target": name,
-        "inputs": int(inputs[-1]) if inputs else 0,
-        "seconds": round(time.monotonic() - start),
-        "memory_mb": int(memory[-1]) if memory else 0,
-        "faults": faults,
-    }
+    return Finding(
+        name,
+        inputs=int(inputs[-1]) if inputs else 0,
+        seconds=round(time.monotonic() - start),
+        memory_mb=int(memory[-1]) if memory else 0,
+        faults=faults,
+    )
 
 
-def _run_child(name: str, engine: str, out: str, seconds: str) -> None:
+def _run_process(name: str, seconds: int, engine: str, out: Path) -> tuple[str, bool]:
+    """Runs a target in a process: what it printed, and whether it went wrong."""
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=memory) as folder:
-        run = _run_atheris if engine == "atheris" else _run_hypothesis
-        run(name, Path(folder), Path(out), int(seconds))
+        command = [sys.executable, __file__, "--child", name, engine, str(out), folder]
+        try:
+            done = subprocess.run(
+                [*command, str(seconds)],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                encoding="utf-8",
+                errors="replace",
+                timeout=seconds + _START,
+            )
+        except subprocess.TimeoutExpired as expired:
+            printed = expired.stdout or b""
+            return printed.decode(errors="replace") + "\nit hung and was killed\n", True
+    return done.stdout, done.returncode != 0
+
+
+def _run_child(name: str, engine: str, out: str, folder: str, seconds: str) -> None:
+    run = _run_atheris if engine == "atheris" else _run_hypothesis
+    run(name, Path(folder), Path(out), int(seconds))
 
 
 def _run_atheris(name: str, folder: Path, out: Path, seconds: int) -> None:
@@ -138,19 +209,11 @@ def _run_hypothesis(name: str, folder: Path, out: Path, seconds: int) -> None:
     counted = 0
 
     def read(data: bytes) -> None:
+        """Reads an input while there is time left, and counts it."""
         nonlocal counted
-        if time.monotonic() > end:
-            return
-        counted += 1
-        start = time.monotonic()
-        try:
-            target.read(data)
-            took = time.monotonic() - start
-            assert took < SECONDS_AN_INPUT, f"took {took:.0f} s"
-            assert _memory_mb() < MEMORY_MB, f"took {_memory_mb()} MB"
-        except BaseException:
-            (out / f"{name}-fault").write_bytes(data)
-            raise
+        if time.monotonic() < end:
+            counted += 1
+            _read_within_limits(target.read, data, out / f"{name}-fault")
 
     options = settings(
         max_examples=200,
@@ -159,6 +222,7 @@ def _run_hypothesis(name: str, folder: Path, out: Path, seconds: int) -> None:
         phases=[Phase.generate, Phase.shrink],
         suppress_health_check=list(HealthCheck),
     )
+    signal.signal(signal.SIGALRM, _give_up)
     end, round_ = time.monotonic() + seconds, 0
     try:
         while time.monotonic() < end:
@@ -166,6 +230,27 @@ def _run_hypothesis(name: str, folder: Path, out: Path, seconds: int) -> None:
             round_ += 1
     finally:
         print(f"inputs {counted}\nmemory {_memory_mb()}", flush=True)
+
+
+def _read_within_limits(read: Callable[[bytes], None], data: bytes, keep: Path) -> None:
+    """Reads an input; writes it to a file where that goes wrong."""
+    signal.alarm(SECONDS_AN_INPUT)
+    try:
+        read(data)
+        assert _memory_mb() < MEMORY_MB, f"took {_memory_mb()} MB"
+    except KeyboardInterrupt:
+        raise  # says nothing of the input
+    except BaseException:
+        # Whatever it is: a panic of a library in Rust and `_TooSlowError` are no
+        # `Exception`. It goes on to whoever counts faults.
+        keep.write_bytes(data)
+        raise
+    finally:
+        signal.alarm(0)
+
+
+def _give_up(*_: Any) -> None:
+    raise _TooSlowError(f"takes more than {SECONDS_AN_INPUT} s")
 
 
 def _memory_mb() -> int:

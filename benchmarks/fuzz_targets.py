@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -23,6 +23,9 @@ from PIL import Image
 from physim_drake.datasets import bop, detections, images, json_nodes, results, rle
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.errors import PhysimError
+
+if TYPE_CHECKING:
+    from physim_drake.detection.checkpoints import TrainingState
 
 WIDTH, HEIGHT = 12, 8
 TURN = [0, -1, 0, 1, 0, 0, 0, 0, 1]
@@ -50,6 +53,7 @@ def _files_target(
     valid = [(folder / name).read_bytes() for name in names]
 
     def read_input(data: bytes) -> None:
+        """Reads the folder with one file exchanged, then puts the file back."""
         path = folder / names[data[0] % len(names)] if data else None
         if path is None:
             return
@@ -71,6 +75,31 @@ def only_physim_errors() -> Iterator[None]:
 
 def bop_target(folder: Path) -> Target:
     """The JSON files of a dataset in BOP layout, and detections."""
+    names = _write_bop(folder)
+
+    def read(path: Path) -> None:
+        """Asks the dataset for everything, whichever file it is."""
+        dataset = bop.BopDataset(folder)
+        for ask in (
+            dataset.images,
+            dataset.targets,
+            dataset._targets_from_ground_truth,
+            lambda: dataset.intrinsics(3, 0),
+            lambda: dataset.ground_truth(3, 0),
+            lambda: dataset.masks(3, 0),
+            lambda: dataset.observation(3, 0),
+            lambda: detections.load_detections(folder / "detections.json", dataset)[
+                3, 0
+            ],
+        ):
+            with only_physim_errors():
+                ask()
+
+    return _files_target(folder, names, read)
+
+
+def _write_bop(folder: Path) -> list[str]:
+    """Writes a dataset of one image; the names of its JSON files."""
     scene = folder / "test" / "000003"
     camera = {"cam_K": [10.0, 0, 5.5, 0, 11.0, 3.5, 0, 0, 1], "depth_scale": 0.1}
     camera |= {"cam_R_w2c": TURN, "cam_t_w2c": [0.0, 0.0, 500.0]}
@@ -92,25 +121,7 @@ def bop_target(folder: Path) -> Target:
     _write_image(scene / "mask_visib" / "000000_000000.png", _depth().astype(np.uint8))
     for name, value in files.items():
         (folder / name).write_text(json.dumps(value))
-
-    def read(path: Path) -> None:
-        dataset = bop.BopDataset(folder)
-        for ask in (
-            dataset.images,
-            dataset.targets,
-            dataset._targets_from_ground_truth,
-            lambda: dataset.intrinsics(3, 0),
-            lambda: dataset.ground_truth(3, 0),
-            lambda: dataset.masks(3, 0),
-            lambda: dataset.observation(3, 0),
-            lambda: detections.load_detections(folder / "detections.json", dataset)[
-                3, 0
-            ],
-        ):
-            with only_physim_errors():
-                ask()
-
-    return _files_target(folder, list(files), read)
+    return list(files)
 
 
 def csv_target(folder: Path) -> Target:
@@ -120,6 +131,7 @@ def csv_target(folder: Path) -> Target:
         writer.write_image(3, 0, [row], 1.0)
 
     def read(path: Path) -> None:
+        """Reads results, or resumes the run whose progress the file tells."""
         if path.suffix == ".csv":
             with only_physim_errors():
                 results.read_results(path)
@@ -142,6 +154,7 @@ def rle_target(folder: Path) -> Target:
         (folder / name).write_text(json.dumps(value))
 
     def read(path: Path) -> None:
+        """Decodes a mask, whose shape must be the image's."""
         with only_physim_errors():
             runs = rle.read_runs(json_nodes.read_json(path), WIDTH, HEIGHT)
             assert rle.decode_runs(runs, WIDTH, HEIGHT).shape == (HEIGHT, WIDTH)
@@ -156,6 +169,7 @@ def png_target(folder: Path) -> Target:
     _write_image(folder / "color.jpg", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
 
     def read(path: Path) -> None:
+        """Reads the image in each way, as it is and mended."""
         for mend in (False, True):
             if mend:
                 path.write_bytes(_with_checksums(path.read_bytes()))
@@ -178,6 +192,30 @@ def mesh_target(folder: Path) -> Target:
     from physim_drake.meshes import read_mesh
     from physim_drake.objects import ObjectLibrary
 
+    _write_meshes(folder)
+    _write_lists(folder)
+    names = sorted(
+        str(p.relative_to(folder)) for p in folder.rglob("*.*") if p.suffix != ".png"
+    )
+
+    def read(path: Path) -> None:
+        """Reads the mesh or list, or the mesh that the material belongs to."""
+        with only_physim_errors():
+            if path.suffix == ".mtl":
+                path = folder / "a.obj"
+            if path.suffix == ".yaml":
+                ObjectLibrary.load(folder)
+            elif path.suffix == ".json":
+                find_objects(folder / "bop")
+            else:
+                find_texture(path)
+                read_mesh(path).mesh.convex_hull  # noqa: B018
+
+    return _files_target(folder, names, read)
+
+
+def _write_meshes(folder: Path) -> None:
+    """Writes a box in every format, one with a material and a texture."""
     Image.new("RGB", (4, 4)).save(folder / "t.png")
     mesh = trimesh.creation.box((0.05, 0.08, 0.12))
     corners = np.asarray(mesh.vertices)[:, :2]
@@ -196,6 +234,10 @@ def mesh_target(folder: Path) -> Target:
     ):
         data = mesh.export(file_type=kind, **options)
         (folder / name).write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def _write_lists(folder: Path) -> None:
+    """Writes a library of that box, and a folder of models as BOP has them."""
     (folder / "library.yaml").write_text(
         "objects:\n- id: 3\n  name: carton\n  mesh: a.obj\n  mass: 0.2\n"
         "  collision: [b.ply]\n  symmetry: {discrete: "
@@ -208,23 +250,6 @@ def mesh_target(folder: Path) -> Target:
     info = {"symmetries_discrete": [list(np.eye(4).ravel())]}
     info["symmetries_continuous"] = [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]
     (bop_models / "models_info.json").write_text(json.dumps({"1": info}))
-    names = sorted(
-        str(p.relative_to(folder)) for p in folder.rglob("*.*") if p.suffix != ".png"
-    )
-
-    def read(path: Path) -> None:
-        with only_physim_errors():
-            if path.suffix == ".mtl":
-                path = folder / "a.obj"
-            if path.suffix == ".yaml":
-                ObjectLibrary.load(folder)
-            elif path.suffix == ".json":
-                find_objects(bop_models)
-            else:
-                find_texture(path)
-                read_mesh(path).mesh.convex_hull  # noqa: B018
-
-    return _files_target(folder, names, read)
 
 
 def yaml_target(folder: Path) -> Target:
@@ -240,6 +265,7 @@ def yaml_target(folder: Path) -> Target:
     )
 
     def read(path: Path) -> None:
+        """Loads the scenario or the configuration."""
         with only_physim_errors():
             if path.name == "scenario.yaml":
                 load_scenario(path)
@@ -251,6 +277,26 @@ def yaml_target(folder: Path) -> Target:
 
 def weights_target(folder: Path) -> Target:
     """Weights of a network, the state and the log of a training run."""
+    from physim_drake.detection import training_log, weights
+
+    state = _write_training(folder)
+
+    def read(path: Path) -> None:
+        """Loads the weights or the state, or cuts the log."""
+        with only_physim_errors():
+            if path.name == "w.safetensors":
+                weights.load_weights(path)
+            elif path.name == "state.safetensors":
+                state.load(path, {"seed": 1})
+            else:
+                training_log.TrainingLog(folder, {"seed": 1}).cut(0)
+
+    names = ["w.safetensors", "state.safetensors", training_log.LOG_FILE]
+    return _files_target(folder, names, read)
+
+
+def _write_training(folder: Path) -> TrainingState:
+    """Writes weights, a state and a log; returns what the state can be loaded into."""
     import torch
 
     from physim_drake.detection import training_log, weights
@@ -279,18 +325,7 @@ def weights_target(folder: Path) -> Target:
     (folder / training_log.LOG_FILE).write_text(
         json.dumps({"settings": {"seed": 1}, "losses": [{"step": 1}], "tests": []})
     )
-
-    def read(path: Path) -> None:
-        with only_physim_errors():
-            if path.name == "w.safetensors":
-                weights.load_weights(path)
-            elif path.name == "state.safetensors":
-                state.load(path, {"seed": 1})
-            else:
-                training_log.TrainingLog(folder, {"seed": 1}).cut(0)
-
-    names = ["w.safetensors", "state.safetensors", training_log.LOG_FILE]
-    return _files_target(folder, names, read)
+    return state
 
 
 TARGETS: dict[str, Callable[[Path], Target]] = {

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: MIT
 """Whether long runs survive being killed, and end with the files of an unbroken one.
 
-    python benchmarks/kills.py [--kills 50] [--out FILE.json] [--seed 0]
+    python -m benchmarks.kills [--kills 50] [--out FILE.json] [--seed 0]
                                [--only estimate,generate,train]
 
 Small runs of `estimate`, `generate` and `train` are cut off at random moments: the main
 process is killed (SIGKILL), one of its workers is, or the run is asked to stop (Ctrl-C
 or SIGTERM). What was cut off goes on with `--resume`; what ends is compared, byte by
-byte but for times, with a run that nothing happened to and that had one worker. After
-each end of a main process, what still runs of it a second later is an orphan; what is
-left in temporary folders or beside the results, and is none of them, is litter.
+byte but for times, with a run that nothing happened to and that had one worker. A kill
+is survived where the run ends with the same files. After each end of a main process,
+what still runs of it a second later is an orphan; what is left in temporary folders or
+beside the results, and is none of them, is litter.
 """
 
 from __future__ import annotations
@@ -32,16 +33,23 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.processes import (
+    PROGRAM,
+    command,
+    end,
+    outlived,
+    printed,
+    run,
+    session,
+    started,
+)
+from physim_drake.cli.progress import Steps
 from physim_drake.models import APC11
 
-PROGRAM = (
-    sys.executable,
-    "-c",
-    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    "from physim_drake.cli import main; main()",
-)
+NAMES = ("estimate", "generate", "train")
 _MODELS = 2  # objects that the tiny detector learns
-_ORPHAN = 1.0  # s
+_STOP_LIMIT = 10.0  # s; two are promised, a machine with other work gets some more
+_HANG = 1800.0  # s, far beyond what any of these runs takes
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,7 @@ class Tally:
         main: times the main process was killed.
         worker: times a worker was.
         stopped: times the run was asked to stop.
+        survived: how many of all these the results show nothing of.
         runs: that came to their end.
         same: of these, those with the files of the unbroken run.
         orphans: processes that outlived their main process.
@@ -83,6 +92,7 @@ class Tally:
     main: int = 0
     worker: int = 0
     stopped: int = 0
+    survived: int = 0
     runs: int = 0
     same: int = 0
     orphans: int = 0
@@ -95,16 +105,47 @@ class Tally:
         """How often a run was cut off in any way."""
         return self.main + self.worker + self.stopped
 
+    @property
+    def good(self) -> bool:
+        """Whether everything was as it should be."""
+        left = self.orphans + self.litter
+        return not (self.wrong or left or self.same < self.runs)
+
 
 def main(
     kills: Annotated[int, typer.Option(min=1)] = 50,
     out: Path | None = None,
     seed: int = 0,
-    only: str = "estimate,generate,train",
+    only: str = ",".join(NAMES),
 ) -> None:
     """Cuts runs off, resumes them, compares and counts."""
+    with Steps(Console(stderr=True), "kill", kills) as steps:
+        tallies = run_kills(kills, only.split(","), seed, steps.reach)
+    Console(width=110).print(_table(tallies))
+    if out is not None:
+        out.write_text(json.dumps({n: asdict(t) for n, t in tallies.items()}, indent=1))
+    if not all(t.good for t in tallies.values()):
+        sys.exit(1)
+
+
+def run_kills(
+    kills: int,
+    names: Sequence[str] = NAMES,
+    seed: int = 0,
+    told: Callable[[int], object] = lambda kills: None,
+) -> dict[str, Tally]:
+    """Divides kills among commands.
+
+    Args:
+        kills: how many in all.
+        names: of the commands.
+        seed: of what happens when.
+        told: hears how many there were so far.
+
+    Returns:
+        what happened, by command. Where one failed altogether, its tally says so.
+    """
     tallies: dict[str, Tally] = {}
-    names = only.split(",")
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         folder = Path(name)
         cases = make_cases(folder, names)
@@ -112,15 +153,16 @@ def main(
             share = kills // len(cases) + (number < kills % len(cases))
             rng = np.random.default_rng([seed, number])
             workers = (2, 4) if case.name != "train" else (2,)
-            tally = Tally()
-            cut_off(case, folder / case.name, share, rng, tally, workers)
-            tallies[case.name] = tally
-            print(f"{case.name}: {asdict(tally)}", file=sys.stderr)
-    Console(width=110).print(_table(tallies))
-    if out is not None:
-        out.write_text(json.dumps({n: asdict(t) for n, t in tallies.items()}, indent=1))
-    if any(t.wrong or t.same < t.runs or t.orphans for t in tallies.values()):
-        sys.exit(1)
+            tally = tallies[case.name] = Tally()
+
+            def tell() -> None:
+                told(sum(t.kills for t in tallies.values()))
+
+            try:
+                cut_off(case, folder / case.name, share, rng, tally, workers, tell)
+            except RuntimeError as error:
+                tally.wrong.append(str(error))
+    return tallies
 
 
 def make_cases(folder: Path, names: Sequence[str]) -> list[Case]:
@@ -181,6 +223,7 @@ def cut_off(
     rng: np.random.Generator,
     tally: Tally,
     workers: Sequence[int] = (2,),
+    told: Callable[[], object] = lambda: None,
 ) -> None:
     """Cuts runs of a case off until that has happened so often, and counts.
 
@@ -192,6 +235,10 @@ def cut_off(
         tally: is added to.
         workers: of unbroken runs that are compared, too; the first of them is that of
             runs that are cut off.
+        told: is called whenever a process has ended.
+
+    Raises:
+        RuntimeError: where a run fails or hangs.
     """
     begun = time.monotonic()
     expected = _unbroken(case, folder / "unbroken", 1)
@@ -205,18 +252,28 @@ def cut_off(
         if broken.exists():
             shutil.rmtree(broken)
         broken.mkdir()
-        ended = False
+        before, ended = tally.kills, False
         while not ended:
-            ended = _run_once(
-                case, broken, workers[0], goal, seconds * rng.random(), rng, tally
-            )
-        tally.runs += 1
-        found = contents(broken)
-        if found == expected:
-            tally.same += 1
-        else:
-            tally.wrong.append(f"{case.name}: {differences(expected, found)}")
-        tally.litter += len(_litter(broken)) + len(_litter(folder / "tmp"))
+            delay = seconds * rng.random()
+            ended = _run_once(case, broken, workers[0], goal, delay, rng, tally)
+            told()
+        _judge(case, broken, expected, tally.kills - before, tally)
+
+
+def _judge(
+    case: Case, folder: Path, expected: Mapping[str, bytes], kills: int, tally: Tally
+) -> None:
+    """Compares what a run left that came to its end after some kills."""
+    tally.runs += 1
+    found = contents(folder)
+    if found == expected:
+        tally.same += 1
+        tally.survived += kills
+    else:
+        tally.wrong.append(f"{case.name}: {differences(expected, found)}")
+    scratch = folder.parent / "tmp"
+    tally.litter += len(list(folder.rglob("*.tmp"))) + len(list(scratch.iterdir()))
+    shutil.rmtree(scratch)  # so that nothing is counted again
 
 
 def _run_once(
@@ -229,18 +286,22 @@ def _run_once(
     tally: Tally,
 ) -> bool:
     """Begins or resumes a run, which may be cut off; returns whether it ended well."""
-    process = start([*case.command(folder, workers), "--resume"], folder.parent / "tmp")
-    if tally.kills < goal:
-        how = rng.choice(["main", "worker", "stopped"], p=[0.4, 0.4, 0.2])
+    arguments = [*case.command(folder, workers), "--resume"]
+    with started(arguments, folder.parent / "tmp") as (process, printing):
+        if tally.kills < goal:
+            how = rng.choice(["main", "worker", "stopped"], p=[0.4, 0.4, 0.2])
+            try:
+                process.wait(delay)
+            except subprocess.TimeoutExpired:
+                _strike(process, str(how), rng, tally)
         try:
-            process.wait(delay)
-        except subprocess.TimeoutExpired:
-            _strike(process, str(how), rng, tally)
-    output = process.communicate()[0]
-    time.sleep(0.05)
-    for pid in _outlived(process.pid):
-        tally.orphans += 1
-        os.kill(pid, signal.SIGKILL)
+            process.wait(_HANG)
+        except subprocess.TimeoutExpired as error:
+            raise RuntimeError(f"{case.name} hung for {_HANG:.0f} s") from error
+        orphans = outlived(process.pid)
+        tally.orphans += len(orphans)
+        end(orphans)
+        output = printed(printing)
     # A signal that comes before the command begins, or when it is over, just ends it.
     if process.returncode in (0, -signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT):
         return process.returncode == 0
@@ -253,7 +314,7 @@ def _run_once(
 
 
 def _strike(
-    process: subprocess.Popen[str], how: str, rng: np.random.Generator, tally: Tally
+    process: subprocess.Popen[bytes], how: str, rng: np.random.Generator, tally: Tally
 ) -> None:
     """Cuts a run off in one of the ways."""
     if how == "worker":
@@ -276,64 +337,13 @@ def _strike(
             process.send_signal(signal.SIGINT)
         else:
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        process.wait()
+        try:
+            process.wait(_STOP_LIMIT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            tally.wrong.append(f"ran on for {_STOP_LIMIT:.0f} s when asked to stop")
         tally.slowest_stop = max(tally.slowest_stop, time.monotonic() - begun)
     setattr(tally, how, getattr(tally, how) + 1)
-
-
-def start(command: Sequence[str], scratch: Path) -> subprocess.Popen[str]:
-    """Starts a program in a session of its own, with a folder for temporary files."""
-    scratch.mkdir(parents=True, exist_ok=True)
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        env={**os.environ, "TMPDIR": str(scratch), "OMP_NUM_THREADS": "1"},
-    )
-
-
-def run(command: Sequence[str], folder: Path) -> None:
-    """Runs a program to its end.
-
-    Raises:
-        RuntimeError: where it fails.
-    """
-    process = start(command, folder / "tmp")
-    output = process.communicate()[0]
-    if process.returncode != 0:
-        raise RuntimeError(f"{' '.join(command[3:])}:\n{output}")
-
-
-def session(pid: int) -> list[int]:
-    """The living processes of a session but its leader."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, _, _, leader = path.read_text().rpartition(")")[2].split()[:4]
-        except OSError:
-            continue  # it has ended meanwhile
-        number = int(path.parent.name)
-        if int(leader) == pid != number and state != "Z":
-            found.append(number)
-    return found
-
-
-def command(pid: int) -> str:
-    """The command line of a process, empty where it has ended."""
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
-    except OSError:
-        return ""
-
-
-def _outlived(pid: int) -> list[int]:
-    """What still runs of a session some time after its leader ended."""
-    deadline = time.monotonic() + _ORPHAN
-    while (left := session(pid)) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return left
 
 
 def _unbroken(case: Case, folder: Path, workers: int) -> dict[str, bytes]:
@@ -370,22 +380,16 @@ def differences(expected: Mapping[str, bytes], found: Mapping[str, bytes]) -> st
     return f"missing {missing}, too many {sorted(extra)}, other {other}"
 
 
-def _litter(folder: Path) -> list[Path]:
-    """Temporary files and folders that are left."""
-    if folder.name == "tmp":
-        return list(folder.iterdir())
-    return list(folder.rglob("*.tmp"))
-
-
 def _table(tallies: Mapping[str, Tally]) -> Table:
     table = Table()
-    headers = ("main killed", "worker killed", "stopped", "runs", "same files")
+    headers = ("main killed", "worker", "stopped", "survived", "runs", "same files")
     table.add_column("command")
     for header in (*headers, "orphans", "litter", "slowest stop, s"):
         table.add_column(header, justify="right")
     for name, t in tallies.items():
-        counts = (t.main, t.worker, t.stopped, t.runs, t.same, t.orphans, t.litter)
-        table.add_row(name, *map(str, counts), f"{t.slowest_stop:.1f}")
+        counts = (t.main, t.worker, t.stopped, t.survived, t.runs, t.same)
+        left = (t.orphans, t.litter, f"{t.slowest_stop:.1f}")
+        table.add_row(name, *map(str, (*counts, *left)))
     return table
 
 

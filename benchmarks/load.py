@@ -13,7 +13,6 @@ With --objects the library is filled up with so many copies of the bundled objec
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
 import shutil
@@ -70,26 +69,7 @@ def main(
     work: Path | None = None,
 ) -> None:
     """Runs one estimate and samples its memory."""
-    with tempfile.TemporaryDirectory(dir=work) as name:
-        folder = Path(name)
-        repeat_example(folder / "data", images)
-        models = fill_library(folder / "models", objects) if objects else APC11
-        start = time.monotonic()
-        samples, status = watch(
-            [
-                *("estimate", str(folder / "data"), "--models", str(models)),
-                *("--out", str(folder / "results.csv"), "--workers", str(workers)),
-                *("--expansions", str(expansions)),
-            ],
-            folder / "results.csv.progress",
-        )
-        seconds = time.monotonic() - start
-    figures = summarise(samples, images) | {
-        "workers": workers,
-        "library": objects or len(find_objects(APC11)),
-        "seconds": round(seconds, 1),
-        "exit_status": status,
-    }
+    figures, samples = measure(images, workers, objects, expansions, work)
     print(json.dumps(figures, indent=1))
     if json_file:
         rows = [[s.seconds, s.images, s.main_mb, s.workers_mb] for s in samples]
@@ -97,7 +77,52 @@ def main(
         json_file.write_text(json.dumps(figures) + "\n")
     if plot:
         draw(samples, plot)
-    raise typer.Exit(status != 0 or figures["flat"] is False)
+    raise typer.Exit(figures["exit_status"] != 0 or figures["flat"] is False)
+
+
+def measure(
+    images: int,
+    workers: int = 2,
+    objects: int = 0,
+    expansions: int = 250,
+    work: Path | None = None,
+) -> tuple[dict[str, Any], list[Sample]]:
+    """Runs one estimate and samples its memory.
+
+    Args:
+        images: how many it has to do.
+        workers: how many do them.
+        objects: the library is filled up to so many; 0 leaves it as it is.
+        expansions: of the search for each image.
+        work: folder for what is written on the way.
+
+    Returns:
+        figures, see `summarise`, and the samples.
+    """
+    with tempfile.TemporaryDirectory(dir=work) as name:
+        folder = Path(name)
+        repeat_example(folder / "data", images)
+        models = fill_library(folder / "models", objects) if objects else APC11
+        progress = folder / "results.csv.progress"
+        start = time.monotonic()
+        samples, status = watch(
+            [
+                *("estimate", str(folder / "data"), "--models", str(models)),
+                *("--out", str(folder / "results.csv"), "--workers", str(workers)),
+                *("--expansions", str(expansions)),
+            ],
+            progress,
+        )
+        seconds = time.monotonic() - start
+        done = _images_done(progress)
+    figures = summarise(samples, images) | {
+        "images": done,
+        "workers": workers,
+        "library": objects or len(find_objects(APC11)),
+        "seconds": round(seconds, 1),
+        "exit_status": status,
+    }
+    return figures, samples
 
 
 def repeat_example(folder: Path, images: int) -> None:
@@ -155,16 +180,19 @@ def watch(arguments: list[str], progress: Path) -> tuple[list[Sample], int]:
     start, samples = time.monotonic(), []
     # What ends this process ends the run, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    atexit.register(process.terminate)
-    while process.poll() is None:
-        time.sleep(_PERIOD)
-        main_mb = _proportional_mb(process.pid)
-        workers_mb = sum(map(_proportional_mb, _descendants(process.pid)))
-        if main_mb > 0:
-            done = _images_done(progress)
-            seconds = time.monotonic() - start
-            samples.append(Sample(seconds, done, main_mb, workers_mb))
-    return samples, process.wait()
+    try:
+        while process.poll() is None:
+            time.sleep(_PERIOD)
+            main_mb = _proportional_mb(process.pid)
+            workers_mb = sum(map(_proportional_mb, _descendants(process.pid)))
+            if main_mb > 0:
+                done = _images_done(progress)
+                seconds = time.monotonic() - start
+                samples.append(Sample(seconds, done, main_mb, workers_mb))
+    finally:
+        process.terminate()
+        status = process.wait()
+    return samples, status
 
 
 def _images_done(progress: Path) -> int:
@@ -207,20 +235,27 @@ def summarise(samples: list[Sample], images: int) -> dict[str, Any]:
         images: how many there are in all.
 
     Returns:
-        figures; ``flat`` is None where there are too few images to tell.
+        figures. ``early_`` are medians from the 20th image to a quarter of them,
+        ``late_`` in the last quarter; ``growth`` compares the two for all processes
+        together. What there are too few images to tell, ``flat`` for one, is None.
     """
     late_from = max(WARM_IMAGES, images * 3 // 4)
     early_to = max(WARM_IMAGES + 1, images // 4)
-    early = [s.total for s in samples if WARM_IMAGES <= s.images <= early_to]
-    late = [s.total for s in samples if s.images >= late_from]
+    early = [s for s in samples if WARM_IMAGES <= s.images <= early_to]
+    late = [s for s in samples if s.images >= late_from]
     figures: dict[str, Any] = {
         "images": samples[-1].images if samples else 0,
         "main_peak_mb": round(max((s.main_mb for s in samples), default=0.0)),
         "workers_peak_mb": round(max((s.workers_mb for s in samples), default=0.0)),
     }
+    for name, part in (("early", early), ("late", late)):
+        for key in ("main_mb", "workers_mb"):
+            median = np.median([getattr(s, key) for s in part]) if part else None
+            figures[f"{name}_{key}"] = None if median is None else round(float(median))
     if not early or not late or images < 2 * WARM_IMAGES:
         return figures | {"growth": None, "flat": None}
-    growth = float(np.median(late) / np.median(early) - 1)
+    before, after = (np.median([s.total for s in part]) for part in (early, late))
+    growth = float(after / before - 1)
     return figures | {"growth": round(growth, 4), "flat": growth <= MAX_GROWTH}
 
 

@@ -56,7 +56,7 @@ def direct_names() -> list[str]:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     texts = list(project["dependencies"])
     for extra, more in project.get("optional-dependencies", {}).items():
-        texts += more if extra not in ("dev", "docs") else []
+        texts += more if extra not in ("dev", "docs", "fuzz") else []
     return sorted({_normal(Requirement(text).name) for text in texts})
 
 
