@@ -34,7 +34,8 @@ class ObjectEstimate:
             is the support frame.
         confidence: 0..1: the share of its visible pixels whose rendered and measured
             depth agree within 1 cm, times the share of its segment that the estimated
-            scene explains. 0 where it was not found.
+            scene explains; divided among its poses where others explain the image about
+            as well. 0 where it was not found.
         reason: why it was not found, else empty.
     """
 

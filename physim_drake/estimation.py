@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
@@ -14,7 +15,7 @@ from physim_drake.estimation_config import EstimationConfig, Method
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.hypotheses.pca import pca_poses
 from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation import Detection, RgbdObservation, Segment
 from physim_drake.poses import Array, nearest_rotation
 from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
 from physim_drake.registration_model import registration_model
@@ -96,7 +97,7 @@ class PoseEstimator:
             requests = [(k, _NOTHING) for k in large]
             found = make_hypotheses(self._pool, self._config, requests, 0)
         clock.lap("hypotheses")
-        search = SceneSearch(scene, self._pool, self._config, clock)
+        search = SceneSearch(scene, self._library, self._pool, self._config, clock)
         if self._config.method.searches:
             placed = search.run(found)
         else:
@@ -106,7 +107,7 @@ class PoseEstimator:
         clock.lap("refinement")
         objects = tuple(
             self._object_estimate(
-                observation, scene, surface.X_WS, k, placed, confidences
+                observation, scene, surface.X_WS, k, placed, confidences, search.shares
             )
             for k in range(len(detections))
         )
@@ -215,24 +216,38 @@ class PoseEstimator:
         k: int,
         placed: Mapping[int, Array],
         confidences: Mapping[int, float],
+        shares: Mapping[int, float],
     ) -> ObjectEstimate:
         segment = scene.segments[k]
         name = self._library[segment.object_id].name
-        if k not in placed:
-            count, least = len(segment.points), self._config.min_segment_points
-            reason = (
-                f"its segment has {count} points, at least {least} are needed"
-                if count < least
-                else "no pose of it fits its segment"
-            )
-            if not segment.detection.seen:
-                reason = "the detector did not see it"
+        reason = self._why_not_found(segment, confidences.get(k))
+        if reason:
             return ObjectEstimate(segment.object_id, name, None, None, 0.0, reason)
         X_SO = placed[k].copy()
         X_SO[:3, :3] = nearest_rotation(X_SO[:3, :3])
         X_CO = scene.X_CS @ X_SO
         X_WO = X_WS @ X_SO if observation.X_WC is None else observation.X_WC @ X_CO
-        return ObjectEstimate(segment.object_id, name, X_CO, X_WO, confidences[k], "")
+        confidence = confidences[k] * shares.get(k, 1.0)
+        return ObjectEstimate(segment.object_id, name, X_CO, X_WO, confidence, "")
+
+    def _why_not_found(self, segment: Segment, confidence: float | None) -> str:
+        """Empty where it is found; `confidence` is None where it has no pose.
+
+        What is not shared yet counts: an object that is there is found, though it may
+        be turned the other way.
+        """
+        if not segment.detection.seen:
+            return "the detector did not see it"
+        if confidence is None:
+            count, least = len(segment.points), self._config.min_segment_points
+            if count < least:
+                return f"its segment has {count} points, at least {least} are needed"
+            return "no pose of it fits its segment"
+        required = self._config.required_confidence
+        if confidence < required:  # rounded down, to be below in print as well
+            shown = math.floor(100 * confidence) / 100
+            return f"confidence {shown:.2f} is below {required:.2f}"
+        return ""
 
 
 def estimate_scene(

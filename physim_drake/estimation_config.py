@@ -7,8 +7,12 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from physim_drake.errors import InputError
 from physim_drake.search.tree import SearchConfig
 from physim_drake.workers import WorkerConfig
+
+LEAST_CONFIDENCE = 0.5
+"""Of what is found with a method that searches, if not set: right poses have more."""
 
 
 class Method(StrEnum):
@@ -56,6 +60,9 @@ class EstimationConfig:
         confirmed: the confidence from which on an object is.
         trusted: an object of less confidence takes no points from another's new
             hypotheses: where all are wrong together, all begin anew.
+        least_confidence: an object that the image confirms by less is reported as not
+            found; 0 reports all. Where it is None, `LEAST_CONFIDENCE` for a method that
+            searches, and 0 for the others, which are there to be compared with.
     """
 
     method: Method = Method.PHYSIM_MCTS
@@ -69,11 +76,30 @@ class EstimationConfig:
     rounds: int = 3
     confirmed: float = 0.93
     trusted: float = 0.7
+    least_confidence: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.least_confidence is not None and not 0 <= self.least_confidence <= 1:
+            raise InputError(
+                "estimation",
+                f"is {self.least_confidence:g}",
+                "give a number from 0 to 1",
+                "least_confidence",
+            )
 
     @classmethod
     def paper(cls) -> EstimationConfig:
-        """The paper's plain search: all of its expansions, one round."""
-        return cls(search=SearchConfig(patience=math.inf), rounds=1)
+        """The paper's plain search: all expansions, one round, every pose reported."""
+        return cls(
+            search=SearchConfig(patience=math.inf), rounds=1, least_confidence=0.0
+        )
+
+    @property
+    def required_confidence(self) -> float:
+        """The confidence below which an object is not found with this method."""
+        if self.least_confidence is not None:
+            return self.least_confidence
+        return LEAST_CONFIDENCE if self.method.searches else 0.0
 
     def with_budget(self, expansions: int, representatives: int) -> EstimationConfig:
         """The same with other sizes of the search and of the hypotheses' sets."""

@@ -18,6 +18,8 @@ import numpy as np
 from physim_drake.estimate import SearchTrace
 from physim_drake.estimation_config import EstimationConfig, Method
 from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.look_alikes import confidence_shares
+from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
 from physim_drake.scene import Scene
 from physim_drake.search.dependency import dependency_graph
@@ -30,6 +32,9 @@ from physim_drake.search.tree import (
     monte_carlo_tree_search,
 )
 from physim_drake.workers import WorkerPool
+
+CostedState = tuple[dict[int, Array], float]
+"""X_SO of objects by their index in the scene, and the state's fine cost in pixels."""
 
 
 class StageClock:
@@ -51,24 +56,30 @@ class SceneSearch:
 
     Args:
         scene: the scene, which the pool's workers have already.
+        library: models of its objects.
         pool: does the computing.
         config: of the search.
         clock: is told which stage takes how long.
 
     Attributes:
         trace: the anytime curve of each search of a group.
+        shares: the share of its confidence that each object keeps, by its index in the
+            scene: less than 1 where another pose explains the image about as well.
     """
 
     def __init__(
         self,
         scene: Scene,
+        library: ObjectLibrary,
         pool: WorkerPool,
         config: EstimationConfig,
         clock: StageClock,
     ) -> None:
         self._scene, self._pool = scene, pool
         self._config, self._clock = config, clock
+        self._models = {k: library[i] for k, i in enumerate(scene.object_ids)}
         self.trace: list[SearchTrace] = []
+        self.shares: dict[int, float] = {}
 
     def run(self, found: Mapping[int, PoseHypotheses]) -> dict[int, Array]:
         """The best state of the scene.
@@ -104,6 +115,7 @@ class SceneSearch:
         """
         best: dict[int, Array] = {}
         best_cost = math.inf
+        tried: list[CostedState] = []
         for number in range(self._config.rounds):
             result = self._run_search(order, hypotheses, number)
             self._clock.lap("search")
@@ -114,7 +126,8 @@ class SceneSearch:
             ]
             refined = self._pool.map("refine", [(state,) for state in states])
             self._clock.lap("refinement")
-            state, cost = self._turned_over(*self._most_plausible(refined))
+            tried += refined
+            state, cost = self._turned_over(*self._most_plausible(refined), tried)
             if cost < best_cost:
                 best, best_cost = state, cost
             confidence = self._pool.map("confidences", [(best,)])[0]
@@ -122,34 +135,35 @@ class SceneSearch:
             if not doubtful or number + 1 == self._config.rounds:
                 break
             order = sorted(order, key=lambda k: -confidence[k])
-            again = make_hypotheses(
-                self._pool,
-                self._config,
-                [
-                    (
-                        k,
-                        {
-                            j: best[j]
-                            for j in order
-                            if confidence[j] > max(confidence[k], self._config.trusted)
-                        },
-                    )
-                    for k in doubtful
-                ],
-                number + 1,
-            )
-            self._clock.lap("hypotheses")
-            hypotheses = {
-                k: np.concatenate([best[k][None], again[k].poses])
-                if k in again
-                else best[k][None]
-                for k in order
-            }
+            hypotheses = self._renewed(order, doubtful, best, confidence, number + 1)
+        self.shares |= confidence_shares(
+            best, best_cost, tried, self._models, self._config.tie
+        )
         return best
 
-    def _most_plausible(
-        self, refined: Sequence[tuple[dict[int, Array], float]]
-    ) -> tuple[dict[int, Array], float]:
+    def _renewed(
+        self,
+        order: Sequence[int],
+        doubtful: Sequence[int],
+        best: Mapping[int, Array],
+        confidence: Mapping[int, float],
+        number: int,
+    ) -> dict[int, Array]:
+        """The poses to search among in round `number`, new ones of doubtful objects."""
+        requests = []
+        for k in doubtful:
+            least = max(confidence[k], self._config.trusted)
+            requests.append((k, {j: best[j] for j in order if confidence[j] > least}))
+        again = make_hypotheses(self._pool, self._config, requests, number)
+        self._clock.lap("hypotheses")
+        return {
+            k: np.concatenate([best[k][None], again[k].poses])
+            if k in again
+            else best[k][None]
+            for k in order
+        }
+
+    def _most_plausible(self, refined: Sequence[CostedState]) -> CostedState:
         """The state of least fine cost; physics decides where that hardly differs.
 
         What hides of an object may fit the image in several ways, but not all of them
@@ -163,11 +177,12 @@ class SceneSearch:
         return tied[int(np.argmin(unrest))]
 
     def _turned_over(
-        self, state: dict[int, Array], cost: float
-    ) -> tuple[dict[int, Array], float]:
+        self, state: dict[int, Array], cost: float, tried: list[CostedState]
+    ) -> CostedState:
         """The state with objects turned over where that explains the image better.
 
-        One at a time, as long as the fine cost falls by more than a tie's share.
+        One at a time, as long as the fine cost falls by more than a tie's share. What
+        is refined for it is added to `tried`.
         """
         while True:
             found = self._pool.map("turned", [(state, k) for k in state])
@@ -177,6 +192,7 @@ class SceneSearch:
                 if turned_cost < cost * (1 + self._config.promising)
             ]
             refined = self._pool.map("refine", [(turned,) for turned in promising])
+            tried += refined
             least = min(refined, key=lambda r: r[1], default=(state, cost))
             if least[1] >= cost * (1 - self._config.tie):
                 return state, cost

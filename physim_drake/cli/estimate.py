@@ -121,6 +121,16 @@ def estimate(
     hypotheses: Annotated[
         int, typer.Option(min=1, help="Poses per object that the search chooses from.")
     ] = 25,
+    least_confidence: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            help="An object that the image confirms by less is not found; 0 keeps all. "
+            "By default 0.5, or 0 with --plain and with methods that do not search.",
+            show_default=False,
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -163,8 +173,10 @@ def estimate(
 
     The poses of an image are consistent with each other and with the surface that the
     objects rest on. An object whose points are too few is reported as not found, never
-    placed at random; score is the confidence: the share of what is seen of the model
-    that the depth image confirms to 1 cm, times the share of its segment explained.
+    placed at random, and so is one that the image does not confirm; score is the
+    confidence: the share of what is seen of the model that the depth image confirms to
+    1 cm, times the share of its segment explained, divided among poses that explain the
+    image about as well.
 
     Results are written image by image: after an error or Ctrl-C those done are kept,
     and `--resume` goes on from there.
@@ -185,6 +197,9 @@ def estimate(
     from physim_drake.objects import ObjectLibrary
 
     height = surface_height(surface)
+    config = _config(
+        method, plain, expansions, hypotheses, workers, seed, least_confidence
+    )
     data = BopDataset(dataset, split, models)
     wanted = data.targets(targets)
     chosen = choose_images(wanted, images or ())
@@ -207,6 +222,7 @@ def estimate(
         "hypotheses": str(hypotheses),
         "seed": str(seed),
         "plain": str(plain),
+        "least_confidence": f"{config.required_confidence:g}",
     }
     with ResultsWriter(out, resume, settings) as writer:
         EstimateRun(
@@ -215,7 +231,7 @@ def estimate(
             lookup,
             source,
             library,
-            _config(method, plain, expansions, hypotheses, workers, seed),
+            config,
             messages(quiet),
             engine,
         ).run(chosen, writer, height, overlays, trace)
@@ -251,11 +267,14 @@ def _config(
     hypotheses: int,
     workers: int | None,
     seed: int,
+    least_confidence: float | None,
 ) -> EstimationConfig:
     from physim_drake.estimation import EstimationConfig, Method
 
     config = EstimationConfig.paper() if plain else EstimationConfig()
     config = config.with_budget(expansions, hypotheses)
+    if least_confidence is not None:
+        config = replace(config, least_confidence=least_confidence)
     return replace(
         config, method=Method(method), seed=seed, workers=workers or default_workers()
     )

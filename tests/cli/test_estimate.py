@@ -26,6 +26,8 @@ from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks import ObjectClass, classes_of
 from physim_drake.errors import InputError
 from physim_drake.estimation import Method
+from physim_drake.estimation_config import LEAST_CONFIDENCE
+from physim_drake.evaluation.evaluate import evaluate_results
 from physim_drake.evaluation.pose_errors import pose_error
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
@@ -187,6 +189,35 @@ def test_an_object_without_points_is_not_found(
     assert "1/0 up_glucose_bottle: not found: its segment has 0" in (
         capsys.readouterr().err
     )
+
+
+def test_an_object_of_less_confidence_is_not_found(
+    run: Run, dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "r.csv"
+    strict = (*quick(dataset, out), "--least-confidence", "1")
+    assert run(*strict, "--images", "1/0") == 0
+    assert read_results(out) == []
+    said = capsys.readouterr().err
+    assert "1/0 up_glucose_bottle: not found: confidence 0." in said
+    assert "is below 1.00" in said
+    data, library = BopDataset(dataset), ObjectLibrary.load(APC11, [BOTTLE])
+    report = evaluate_results(data, read_results(out), library)
+    assert [(e.found, e.confidence) for e in report.errors] == [(False, None)] * 2
+    assert report.calibration is None
+    assert run(*quick(dataset, out), "--resume") == 2
+    assert "least_confidence: the run began with '1'" in capsys.readouterr().err
+    assert run(*quick(dataset, out), "--images", "1/0") == 0
+    assert len(read_results(out)) == 1
+
+
+@pytest.mark.parametrize("least", ["-0.1", "1.1", "nan"])
+def test_a_required_confidence_lies_between_0_and_1(
+    run: Run, dataset: Path, tmp_path: Path, least: str
+) -> None:
+    out = tmp_path / "r.csv"
+    assert run(*quick(dataset, out), f"--least-confidence={least}") == 2
+    assert not out.exists()
 
 
 def corrupt(name: str, change: Callable[[bytes], bytes | None]) -> Callable[..., None]:
@@ -502,3 +533,13 @@ def test_ground_truth_names_the_targets_where_nothing_else_does(
     # The tiny image has too few pixels to find anything in.
     assert run(root, "--out", tmp_path / "r.csv", *arguments) == 2
     assert "tiny/3/0" in capsys.readouterr().err
+
+
+def test_the_help_says_how_much_confidence_is_required(
+    run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "400")
+    assert run("--help") == 0
+    assert f"By default {LEAST_CONFIDENCE:g}, or 0 with --plain" in (
+        " ".join(capsys.readouterr().out.split())
+    )
