@@ -77,6 +77,8 @@ def main(
     if target not in (*NAMES, "all"):
         raise typer.BadParameter(f"choose from {', '.join(NAMES)} and all", None)
     engine = engine or default_engine()
+    # What ends this process ends the target and removes its folder, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     found = fuzz(NAMES if target == "all" else (target,), seconds, engine, out)
     table = Table("target", "inputs", "s", "memory, MB", "faults", title=engine)
     for row in found:

@@ -119,6 +119,8 @@ def main(
     only: str = ",".join(NAMES),
 ) -> None:
     """Cuts runs off, resumes them, compares and counts."""
+    # What ends this process ends the runs, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     with Steps(Console(stderr=True), "kill", kills) as steps:
         tallies = run_kills(kills, only.split(","), seed, steps.reach)
     Console(width=110).print(_table(tallies))

@@ -27,7 +27,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -77,7 +77,8 @@ def main(
         "load": load_job(images, out.with_suffix(".png")),
     }
     state = out.with_suffix(".json")
-    signal.signal(signal.SIGTERM, _stop)
+    # What ends this process ends the parts, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         outcomes = soak([jobs[part] for part in PARTS if part in parts], state, resume)
     except (KeyboardInterrupt, SystemExit) as end:
@@ -221,10 +222,6 @@ def _print(outcomes: Sequence[Outcome]) -> None:
             verdict = "passed" if row.good else "failed"
             table.add_row(outcome.part, row.what, verdict, row.figures)
     Console(width=110).print(table)
-
-
-def _stop(*_: Any) -> NoReturn:
-    sys.exit(143)
 
 
 if __name__ == "__main__":

@@ -148,6 +148,7 @@ class Parts:
 
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> Parts:
+    monkeypatch.setattr(soak.signal, "signal", lambda *_: None)  # pytest's stay
     return Parts(monkeypatch)
 
 
