@@ -64,7 +64,7 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
         InputError: where the folder or the file cannot be written.
     """
     target = Path(os.path.realpath(path))
-    direct = path.parts[:2] == ("/", "dev") or (path.exists() and not path.is_file())
+    direct = is_written_straight(path)
     scratch = (
         target
         if direct
@@ -90,6 +90,11 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
         if not direct:
             with suppress(OSError):  # gone after the rename, or never made
                 scratch.unlink()
+
+
+def is_written_straight(path: Path) -> bool:
+    """Whether a path leads to a pipe, say, that no file can take the place of."""
+    return path.parts[:2] == ("/", "dev") or (path.exists() and not path.is_file())
 
 
 def _prefix(target: Path) -> str:

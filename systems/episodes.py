@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
+from physim_drake.closing import Closing
 from physim_drake.estimation import PoseEstimator
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
 from physim_drake.picking.episode import (
@@ -29,6 +28,7 @@ from physim_drake.picking.start import PlacedModel, check_objects, draw_start
 from physim_drake.picking.task_state import EventKind, Phase, TaskState
 from physim_drake.poses import Array
 from physim_drake.scenes.generation import write_models
+from physim_drake.scratch import ScratchFolder
 from physim_drake.systems.pick_cell import (
     PickCell,
     PickCellParts,
@@ -44,7 +44,7 @@ _FALLEN = 0.05  # m below the pick area
 _PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place", "plan_line")
 
 
-class EpisodeRunner:
+class EpisodeRunner(Closing):
     """Runs episodes; keeps planner and estimator warm from one to the next.
 
     Args:
@@ -69,8 +69,8 @@ class EpisodeRunner:
         check_cell(scenario, self.geometry)
         if parts.detector is None:  # read once, not for every episode
             parts = replace(parts, detector=cell_network(scenario, self.library))
-        self._folder = tempfile.TemporaryDirectory()
-        self._files = write_models(self.library, Path(self._folder.name))
+        self._folder = ScratchFolder()
+        self._files = write_models(self.library, self._folder.path)
         self._own_estimator: PoseEstimator | None = None
         if parts.estimator is None:
             config = perception_config(scenario, self.geometry, scenario.random_seed)
@@ -88,17 +88,22 @@ class EpisodeRunner:
         self,
         episode: int,
         on_step: Callable[[PickCell, Context], None] = lambda _cell, _context: None,
+        meshcat: Meshcat | None = None,
     ) -> EpisodeResult:
         """Runs one episode; its number and the scenario decide everything in it.
 
         Args:
             episode: number, from 0.
             on_step: is shown the cell and its context every 0.1 s of simulated time.
+            meshcat: where everything is shown, if not where the parts say. The bytes
+                of a replay depend on what Meshcat has shown before.
 
         Raises:
             InputError: where no start of the episode can be drawn.
         """
-        watch = self._watch
+        watch, parts = self._watch, self._parts
+        if meshcat is not None:
+            parts = replace(parts, meshcat=meshcat)
         watch.restart()
         start = draw_start(
             self.scenario, self.library, self._files, self.geometry.X_WA, episode
@@ -109,21 +114,14 @@ class EpisodeRunner:
             self.library,
             start,
             _seed(self.scenario.random_seed, episode),
-            self._parts,
+            parts,
         )
         camera = cell.perception.GetSubsystemByName("camera")
         watch.time_calls(camera, ("capture",), "rendering")
         watch.lap("set-up")
         judge = _Judge(cell)
-        meshcat = self._parts.meshcat
-        if meshcat is not None:
-            middle = self.geometry.X_WA[:3, 3]
-            meshcat.SetCameraPose(middle + _VIEW_FROM, middle + _VIEW_OF)
-            meshcat.StartRecording(set_visualizations_while_recording=True)
-        state = self._simulate(cell, judge, on_step)
-        if meshcat is not None:
-            meshcat.StopRecording()
-            meshcat.PublishRecording()
+        with self._recorded(parts.meshcat):
+            state = self._simulate(cell, judge, on_step)
         watch.lap("simulation")
         in_tote = self.geometry.tote.holds
         return EpisodeResult(
@@ -134,6 +132,19 @@ class EpisodeRunner:
             judge.time,
             watch.seconds,
         )
+
+    @contextmanager
+    def _recorded(self, meshcat: Meshcat | None) -> Iterator[None]:
+        """Makes a replay, where there is a Meshcat, of what happens meanwhile."""
+        if meshcat is None:
+            yield
+            return
+        middle = self.geometry.X_WA[:3, 3]
+        meshcat.SetCameraPose(middle + _VIEW_FROM, middle + _VIEW_OF)
+        meshcat.StartRecording(set_visualizations_while_recording=True)
+        yield
+        meshcat.StopRecording()
+        meshcat.PublishRecording()
 
     def _simulate(
         self,
@@ -171,18 +182,7 @@ class EpisodeRunner:
         """Ends worker processes and removes temporary files."""
         if self._own_estimator is not None:
             self._own_estimator.close()
-        self._folder.cleanup()
-
-    def __enter__(self) -> EpisodeRunner:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+        self._folder.close()
 
 
 class Stopwatch:

@@ -27,9 +27,9 @@ KEPT: Mapping[str, str] = {
     "generate": "the scenes that are done are kept; --resume goes on",
     "train": "scenes, and the training up to its last saved step, are kept; "
     "--resume goes on",
-    "pick": "replays of the episodes that are done are kept; with the same seed they "
-    "come out the same again",
-    "report": "nothing is written; run it again",
+    "pick": "with --record or --json the episodes that are done are kept; --resume "
+    "goes on",
+    "report": "the images that are done are kept; --resume goes on",
 }
 """What is left of a command that was interrupted."""
 

@@ -21,15 +21,13 @@ from physim_drake.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pydrake.geometry import Meshcat
-    from pydrake.systems.framework import Context
     from rich.table import Table
 
-    from physim_drake.cli.progress import Steps
     from physim_drake.picking.episode import EpisodeResult
     from physim_drake.picking.scenario import PickScenario
-    from physim_drake.systems.episodes import EpisodeRunner
-    from physim_drake.systems.pick_cell import PickCell
+
+PROGRESS_FILE = "pick.progress"
+"""Keeps the episodes that are done, in the report's folder."""
 
 
 class Detector(StrEnum):
@@ -92,6 +90,22 @@ def pick(
             help="Write all figures to FILE; - prints them instead of the table.",
         ),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Processes that estimate; the figures do not depend on it.",
+            show_default="the scenario's",
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with the episodes that an earlier run kept with --record or "
+            "--json.",
+        ),
+    ] = False,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -103,54 +117,74 @@ def pick(
     estimates; picks an hour; simulated time over wall time. With the same seed, all but
     the wall times come out the same.
 
+    Each episode is kept at once in `DIR/pick.progress`, or in `FILE.progress` where
+    only `--json` is given: a run that was cut off goes on with `--resume`.
+
     Example: `physim-drake pick examples/scenarios/clutter.yaml --episodes 10 --seed 0`
     """
-    from dataclasses import replace
+    from contextlib import nullcontext
 
-    from rich.console import Console
-
-    from physim_drake.cli.progress import Steps
+    from physim_drake.cli.pick_run import PickRun, replay_name
     from physim_drake.files import make_folder
     from physim_drake.picking.episode import summary
+    from physim_drake.picking.episode_notes import EpisodeNotes, scenario_settings
     from physim_drake.picking.scenario import load_scenario
+    from physim_drake.progress_file import ProgressFile
     from physim_drake.reporting.episodes import write_episodes_report
-    from physim_drake.systems.episodes import EpisodeRunner, local_meshcat
-    from physim_drake.systems.pick_cell import PickCellParts
+    from physim_drake.systems.episodes import local_meshcat
 
     loaded = _choose_detector(load_scenario(scenario), detector, weights)
-    if seed is not None:
-        loaded = replace(loaded, random_seed=seed)
+    loaded = _with_options(loaded, seed, workers)
+    kept = _progress_path(record, json_file, resume)
     if record is not None:
         make_folder(record)
-    shown = local_meshcat(host) if meshcat or record is not None else None
-    if meshcat and shown is not None:
+    shown = local_meshcat(host) if meshcat else None
+    if shown is not None:
         typer.echo(f"Meshcat: {shown.web_url()}", err=True)
-    results: list[EpisodeResult] = []
-    replays: list[str] = []
-    try:
-        steps = Steps(messages(quiet), "episode", episodes)
-        with EpisodeRunner(loaded, PickCellParts(meshcat=shown)) as runner, steps:
-            for number in range(episodes):
-                results.append(_run(runner, number, episodes, steps))
-                if record is not None and shown is not None:
-                    replays.append(_replay(record, number, shown))
-    except InputError as error:
-        raise _in_file(error, scenario) from error
+    with (
+        nullcontext()
+        if kept is None
+        else ProgressFile(kept, scenario_settings(loaded), record or kept)
+    ) as progress:
+        notes = EpisodeNotes(progress, progress.go_on(resume) if progress else ())
+        run = PickRun(loaded, scenario, notes, record, shown)
+        results = run.run(episodes, messages(quiet))
     if record is not None:
+        replays = [replay_name(result.episode) for result in results]
         write_episodes_report(results, replays, str(loaded.random_seed), record)
-    if json_file is not None and write_json(json_file, summary(results)):
-        return
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = 120
-    console.print(_table(results))
-    for result in results:
-        for outcome in result.objects:
-            if not outcome.cleared:
-                console.print(
-                    f"episode {result.episode + 1}, {outcome.name} is left: "
-                    f"{outcome.reason}"
-                )
+    if json_file is None or not write_json(json_file, summary(results)):
+        _print(results)
+
+
+def _progress_path(
+    record: Path | None, json_file: Path | None, resume: bool
+) -> Path | None:
+    """Where episodes are kept: beside what is written at the end."""
+    from physim_drake.files import is_written_straight
+
+    if record is not None:
+        return record / PROGRESS_FILE
+    if json_file is None or str(json_file) == "-" or is_written_straight(json_file):
+        if resume:
+            raise InputError(
+                "--resume",
+                "goes on with what --record or --json kept",
+                "give --record DIR or --json FILE, the same as before",
+            )
+        return None
+    return json_file.with_name(f"{json_file.name}.progress")
+
+
+def _with_options(
+    scenario: PickScenario, seed: int | None, workers: int | None
+) -> PickScenario:
+    from dataclasses import replace
+
+    if seed is not None:
+        scenario = replace(scenario, random_seed=seed)
+    if workers is not None:
+        scenario = replace(scenario, look=replace(scenario.look, workers=workers))
+    return scenario
 
 
 def _choose_detector(
@@ -172,39 +206,21 @@ def _choose_detector(
     return replace(scenario, look=look)
 
 
-def _run(runner: EpisodeRunner, number: int, count: int, steps: Steps) -> EpisodeResult:
-    """One episode; how far it is, then a line about it."""
+def _print(results: Sequence[EpisodeResult]) -> None:
+    """A table of the episodes, and why objects were left."""
+    from rich.console import Console
 
-    def show(cell: PickCell, context: Context) -> None:
-        phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
-        steps.reach(number, f"{context.get_time():.1f} s, {phase}")
-
-    result = runner.run(number, show)
-    steps.say(
-        f"episode {number + 1} of {count}: {result.cleared} of {len(result.objects)} "
-        f"objects cleared, {result.simulated:.0f} s simulated in {result.wall:.0f} s; "
-        f"{result.end}"
-    )
-    steps.reach(number + 1)
-    return result
-
-
-def _replay(folder: Path, number: int, meshcat: Meshcat) -> str:
-    """Writes an episode's replay; returns the file's name."""
-    from physim_drake.files import write_atomically
-
-    name = f"replay-{number + 1:03d}.html"
-    with write_atomically(folder / name) as file:
-        file.write(meshcat.StaticHtml())
-    return name
-
-
-def _in_file(error: InputError, scenario: Path) -> InputError:
-    """The same error, said of the scenario's file."""
-    if error.source == str(scenario):
-        return error
-    where = f"{error.source}: {error.field}" if error.field else error.source
-    return InputError(scenario, error.problem, error.remedy, where)
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = 120
+    console.print(_table(results))
+    for result in results:
+        for outcome in result.objects:
+            if not outcome.cleared:
+                console.print(
+                    f"episode {result.episode + 1}, {outcome.name} is left: "
+                    f"{outcome.reason}"
+                )
 
 
 def _table(results: Sequence[EpisodeResult]) -> Table:

@@ -22,8 +22,15 @@ from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from physim_drake.estimation import EstimationConfig, Method
-    from physim_drake.reporting.study import Study
+    from physim_drake.reporting.detector_loss import DetectorLoss
+    from physim_drake.reporting.study import HypothesisQuality, MethodRun, Study
+    from physim_drake.reporting.study_notes import StudyNotes
+
+PROGRESS_FILE = "report.progress"
+"""Keeps what is found, in the report's folder."""
 
 _FCN = "fcn-pca-icp"
 _METHODS = f"physim-mcts,physim-heuristic,super4pcs-icp,pca-icp,{_FCN}"
@@ -85,6 +92,9 @@ def report(
     vsd: Annotated[
         bool, typer.Option(help="Compute VSD, for which every pose is rendered.")
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what an earlier run left.")
+    ] = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
@@ -96,6 +106,9 @@ def report(
     first; the same as `report.json`; and a CSV for each table. The same seed gives the
     same report.
 
+    What is found in an image is kept at once, in `report.progress`: a run that was cut
+    off goes on with `--resume` and writes the same report.
+
     The method fcn-pca-icp takes its segments from a network. Where the weights that
     come with the package know other objects and no others are given, the report says so
     and does without it.
@@ -103,14 +116,13 @@ def report(
     Example: `physim-drake report datasets/apc11 --out report --methods physim-mcts`
     """
     from physim_drake.batch import detection_lookup
-    from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.files import make_folder
     from physim_drake.objects import ObjectLibrary
-    from physim_drake.rendering.depth import DepthRenderer
-    from physim_drake.reporting.detector_loss import detector_loss
+    from physim_drake.progress_file import ProgressFile
     from physim_drake.reporting.page import write_report
     from physim_drake.reporting.study import Study
+    from physim_drake.reporting.study_notes import StudyNotes
 
     names = _read_methods(methods)
     make_folder(out)
@@ -120,24 +132,23 @@ def report(
     config = _config(seed, plain, workers, expansions, hypotheses)
     study = Study(data, library, look_up, source, config, engine=engine)
     plan, notes = _plan(study, names, detector, weights, methods == _METHODS)
-    total = len(study.images) * (len(plan) + 1)
-    with Steps(messages(quiet), "image", total) as steps:
-        renderer = (lambda K: DepthRenderer(library, K)) if vsd else None
-        quality = replace(study, progress=steps.advance).hypothesis_quality()
-        runs = [
-            replace(item.study, progress=steps.advance).run(
-                item.method, renderer, item.name
-            )
-            for item in plan
-        ]
-    by_name = {run.name: run.report.errors for run in runs}
-    losses = {
-        item.name: detector_loss(by_name[item.method], by_name[item.name])
-        for item in plan
-        if item.name != item.method
+    settings = {
+        "dataset": str(dataset.resolve()),
+        "split": split,
+        "models": str(data.models.resolve()),
+        "detections": source,
+        "methods": ", ".join(item.described(source) for item in plan),
+        "expansions": str(expansions),
+        "hypotheses": str(hypotheses),
+        "seed": str(seed),
+        "plain": str(plain),
     }
+    with ProgressFile(out / PROGRESS_FILE, settings, out) as progress:
+        found = StudyNotes(progress, progress.go_on(resume))
+        runs, quality = _run(study, plan, found, vsd, messages(quiet))
     for note in notes:
         typer.echo(note, err=True)
+    losses = _losses(plan, runs)
     typer.echo(write_report(study, runs, quality, out, losses=losses, notes=notes))
 
 
@@ -148,6 +159,47 @@ class _Item:
     method: Method
     study: Study
     name: str
+
+    def described(self, source: str) -> str:
+        """Its name, and its detections where they are not those of `source`."""
+        own = self.study.source
+        return self.name if own == source else f"{self.name} with {own}"
+
+
+def _run(
+    study: Study, plan: Sequence[_Item], found: StudyNotes, vsd: bool, console: Console
+) -> tuple[list[MethodRun], HypothesisQuality]:
+    """Does what is planned and not found yet."""
+    from physim_drake.cli.progress import Steps
+    from physim_drake.rendering.depth import DepthRenderer
+
+    total = len(study.images) * (len(plan) + 1)
+    renderer = (lambda K: DepthRenderer(study.library, K)) if vsd else None
+    with Steps(console, "image", total) as steps:
+        steps.begin(len(found))
+
+        def noted(study: Study) -> Study:
+            return replace(study, progress=steps.advance, notes=found)
+
+        quality = noted(study).hypothesis_quality()
+        runs = [
+            noted(item.study).run(item.method, renderer, item.name) for item in plan
+        ]
+    return runs, quality
+
+
+def _losses(
+    plan: Sequence[_Item], runs: Sequence[MethodRun]
+) -> dict[str, DetectorLoss]:
+    """What a network's detections cost, by the name of the run with them."""
+    from physim_drake.reporting.detector_loss import detector_loss
+
+    by_name = {run.name: run.report.errors for run in runs}
+    return {
+        item.name: detector_loss(by_name[item.method], by_name[item.name])
+        for item in plan
+        if item.name != item.method
+    }
 
 
 def _plan(

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,8 +22,16 @@ from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection
 from physim_drake.poses import Array, SymmetryGroup
 from physim_drake.ray_estimation import make_estimator
+from physim_drake.reporting.study_notes import (
+    ImageHypotheses,
+    ImageOutcome,
+    ObjectHypotheses,
+    StudyNotes,
+)
 
 SUCCESS_DEG, SUCCESS_CM = 6.0, 1.5
+HYPOTHESES = "hypotheses"
+"""What their quality is called among the parts of a study."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,7 @@ class Study:
         config: settings but the method.
         progress: is called once an image with what is being done.
         engine: where methods run; the quality of hypotheses is judged here.
+        notes: where what is found in an image is kept; what is there is not done again.
     """
 
     dataset: BopDataset
@@ -99,6 +108,7 @@ class Study:
     config: EstimationConfig
     progress: Callable[[str], None] = lambda _: None
     engine: Engine = Engine.LOCAL
+    notes: StudyNotes = field(default_factory=StudyNotes)
 
     @property
     def images(self) -> list[ImageId]:
@@ -121,59 +131,85 @@ class Study:
             make_renderer: for VSD, which is left out without it.
             name: what to call it, if not as it is.
         """
-        rows: list[ResultRow] = []
-        estimates: dict[ImageId, SceneEstimate] = {}
-        detected: dict[ImageId, list[Detection]] = {}
+        part = name or str(method)
+        found = self._outcomes(method, part)
+        estimates = {image: outcome.estimate for image, outcome in found.items()}
+        rows = [
+            ResultRow(*image, o.object_id, o.confidence, o.X_CO, outcome.seconds)
+            for image, outcome in found.items()
+            for o in outcome.estimate.objects
+            if o.X_CO is not None
+        ]
+        report = evaluate_results(self.dataset, rows, self.library, make_renderer)
+        return MethodRun(method, part, estimates, report, self._curve(found))
+
+    def _outcomes(self, method: Method, part: str) -> dict[ImageId, ImageOutcome]:
+        """What the method makes of every image; estimates those not noted yet."""
+        images = self.images
+        todo = [image for image in images if not self.notes.has(part, image)]
+        boxes: dict[ImageId, tuple[Array, ...]] = {}
 
         def detections(image: ImageId) -> Sequence[Detection]:
             found = self.detections(image)
-            # Without masks, which would fill the memory.
-            detected[image] = [replace(d, mask=None) for d in found]
+            boxes[image] = tuple(d.box for d in found)
             return found
 
-        config = replace(self.config, method=method)
-        with make_estimator(self.engine, self.library, config) as estimator:
-            for result in estimate_images(
-                self.dataset, self.images, detections, estimator
-            ):
-                rows += result.rows()
-                estimates[result.image] = result.estimate
-                self.progress(name or str(method))
-        report = evaluate_results(self.dataset, rows, self.library, make_renderer)
-        curve = self._curve(estimates, detected)
-        return MethodRun(method, name or str(method), estimates, report, curve)
+        if todo:
+            config = replace(self.config, method=method)
+            with make_estimator(self.engine, self.library, config) as estimator:
+                for result in estimate_images(
+                    self.dataset, todo, detections, estimator
+                ):
+                    outcome = ImageOutcome(
+                        result.estimate, boxes.pop(result.image), result.seconds
+                    )
+                    self.notes.add(part, result.image, outcome)
+                    self.progress(part)
+        return {image: self.notes.take(part, image, ImageOutcome) for image in images}
 
     def hypothesis_quality(self) -> HypothesisQuality:
         """Table II of the paper on this dataset."""
-        selected: dict[str, list[tuple[float, float]]] = {}
-        successes, counts = [], []
-        with PoseEstimator(self.library, self.config) as estimator:
-            for image in self.images:
-                for hypotheses, X_CS, truth in self._hypotheses(estimator, image):
-                    rotation, translation = _errors(
-                        X_CS @ hypotheses.X_SO,
-                        truth.X_CO,
-                        self.library[truth.object_id].symmetry,
+        images = self.images
+        todo = [image for image in images if not self.notes.has(HYPOTHESES, image)]
+        if todo:
+            with PoseEstimator(self.library, self.config) as estimator:
+                for image in todo:
+                    found = ImageHypotheses(
+                        tuple(
+                            self._judge(hypotheses, X_CS, truth)
+                            for hypotheses, X_CS, truth in self._hypotheses(
+                                estimator, image
+                            )
+                        )
                     )
-                    for metric, index in _select(hypotheses, rotation, translation):
-                        pair = (float(rotation[index]), float(translation[index]))
-                        selected.setdefault(metric, []).append(pair)
-                    kept = hypotheses.representatives
-                    good = (rotation[kept] <= SUCCESS_DEG) & (
-                        translation[kept] <= SUCCESS_CM
-                    )
-                    successes.append(bool(good.any()))
-                    counts.append(len(hypotheses.X_SO))
-                self.progress("hypotheses")
-        rows = tuple(
-            SelectionErrors(metric, *np.mean(pairs, axis=0).tolist())
-            for metric, pairs in selected.items()
+                    self.notes.add(HYPOTHESES, image, found)
+                    self.progress(HYPOTHESES)
+        return _quality(
+            [
+                item
+                for image in images
+                for item in self.notes.take(HYPOTHESES, image, ImageHypotheses).objects
+            ]
         )
-        return HypothesisQuality(
-            rows,
-            float(np.mean(successes)) if successes else 0.0,
-            len(successes),
-            float(np.mean(counts)) if counts else 0.0,
+
+    def _judge(
+        self, hypotheses: PoseHypotheses, X_CS: Array, truth: GroundTruthPose
+    ) -> ObjectHypotheses:
+        """How good an object's hypotheses are."""
+        rotation, translation = _errors(
+            X_CS @ hypotheses.X_SO,
+            truth.X_CO,
+            self.library[truth.object_id].symmetry,
+        )
+        kept = hypotheses.representatives
+        good = (rotation[kept] <= SUCCESS_DEG) & (translation[kept] <= SUCCESS_CM)
+        return ObjectHypotheses(
+            {
+                metric: (float(rotation[index]), float(translation[index]))
+                for metric, index in _select(hypotheses, rotation, translation)
+            },
+            bool(good.any()),
+            len(hypotheses.X_SO),
         )
 
     def _hypotheses(
@@ -185,27 +221,24 @@ class Study:
         scene, found = estimator.hypotheses(observation, detections)
         for detection, hypotheses in zip(detections, found, strict=True):
             if len(hypotheses.X_SO):
-                yield hypotheses, scene.X_CS, self._truth(image, detection)
+                truth = self._truth(image, detection.object_id, detection.box)
+                yield hypotheses, scene.X_CS, truth
 
-    def _truth(self, image: ImageId, detection: Detection) -> GroundTruthPose:
+    def _truth(self, image: ImageId, object_id: int, box: Array) -> GroundTruthPose:
         """The true pose that projects nearest to the middle of a detection."""
         K = self.dataset.observation(*image).intrinsics
-        middle = (detection.box[:2] + detection.box[2:]) / 2
+        middle = (box[:2] + box[2:]) / 2
         same = [
             truth
             for truth in self.dataset.ground_truth(*image)
-            if truth.object_id == detection.object_id
+            if truth.object_id == object_id
         ]
         return min(
             same,
             key=lambda t: float(np.linalg.norm(K.project(t.X_CO[:3, 3]) - middle)),
         )
 
-    def _curve(
-        self,
-        estimates: Mapping[ImageId, SceneEstimate],
-        detected: Mapping[ImageId, Sequence[Detection]],
-    ) -> Array:
+    def _curve(self, outcomes: Mapping[ImageId, ImageOutcome]) -> Array:
         """Mean errors of the best state so far against expansions, before refining.
 
         The first search of each group counts; before its first complete state, its
@@ -213,17 +246,17 @@ class Study:
         """
         grid = np.arange(1, self.config.search.expansions + 1)
         errors, count = np.zeros((len(grid), 2)), 0
-        for image, estimate in estimates.items():
-            detections = detected[image]
+        for image, outcome in outcomes.items():
+            objects = outcome.estimate.objects
             seen: set[int] = set()
-            for trace in estimate.trace:
+            for trace in outcome.estimate.trace:
                 if not trace.points or seen & set(trace.indices):
                     continue
                 seen |= set(trace.indices)
                 steps = [expansion for expansion, _, _, _ in trace.points]
                 at = np.maximum(np.searchsorted(steps, grid, side="right") - 1, 0)
                 for n, k in enumerate(trace.indices):
-                    truth = self._truth(image, detections[k])
+                    truth = self._truth(image, objects[k].object_id, outcome.boxes[k])
                     symmetry = self.library[truth.object_id].symmetry
                     found = [
                         pose_error(truth.X_CO, poses[n], symmetry)
@@ -235,6 +268,24 @@ class Study:
         if count == 0:
             return np.zeros((0, 3))
         return np.column_stack([grid, errors / count])
+
+
+def _quality(found: Sequence[ObjectHypotheses]) -> HypothesisQuality:
+    """Table II from every object's hypotheses."""
+    selected: dict[str, list[tuple[float, float]]] = {}
+    for item in found:
+        for metric, pair in item.selected.items():
+            selected.setdefault(metric, []).append(pair)
+    rows = tuple(
+        SelectionErrors(metric, *np.mean(pairs, axis=0).tolist())
+        for metric, pairs in selected.items()
+    )
+    return HypothesisQuality(
+        rows,
+        float(np.mean([item.success for item in found])) if found else 0.0,
+        len(found),
+        float(np.mean([item.poses for item in found])) if found else 0.0,
+    )
 
 
 def _errors(

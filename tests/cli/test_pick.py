@@ -2,9 +2,11 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ import torch
 from physim_drake.cli import main
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks import ObjectClass
+from physim_drake.errors import InputError
 from physim_drake.systems import perception_config
+from physim_drake.systems.episodes import EpisodeRunner
 from tests.cli.test_detect import write_weights_of
 
 ONE = """
@@ -214,3 +218,132 @@ def test_figures_report_and_replay(
     replay = (out / "replay-001.html").read_text(encoding="utf-8")
     assert "<html" in replay
     assert "setanimation" in replay or "set_animation" in replay
+
+
+SHORT = ONE + "max_duration: 0.3\n"
+TIMES = ("wall_time", "real_time_factor", "stages")
+
+
+@pytest.fixture
+def done(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The episodes that were run to their end, from 0."""
+    done: list[int] = []
+    run_episode = EpisodeRunner.run
+
+    def counted(self: EpisodeRunner, number: int, *arguments: Any) -> Any:
+        result = run_episode(self, number, *arguments)
+        done.append(number)
+        return result
+
+    monkeypatch.setattr(EpisodeRunner, "run", counted)
+    return done
+
+
+def without_times(folder: Path) -> dict[str, str]:
+    """The files of a run; the clock's figures are left out."""
+    files = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_dir() or path.suffix == ".progress":
+            continue
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".json":
+            values = json.loads(text)
+            for entry in (values, *values["episodes"]):
+                for name in TIMES:
+                    del entry[name]
+            text = json.dumps(values)
+        if path.name == "index.html":
+            last = r"(?<=<td>)[\d.]+ s</td>(<td>[\d.]+</td>)?(?=\s*</tr>)"
+            text = re.sub(last, "", text)
+            text = re.sub(r"real-time factor\n[\d.]+", "", text)
+        files[str(path.relative_to(folder))] = text
+    return files
+
+
+def test_episodes_that_are_done_are_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: list[int]
+) -> None:
+    """And all comes out as if nothing had happened."""
+    path = scenario(tmp_path, SHORT)
+
+    def go(folder: Path, *more: str) -> int:
+        places = ("--record", folder / "report", "--json", folder / "figures.json")
+        return run(monkeypatch, path, "--episodes", "2", *places, *more)
+
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    whole.mkdir()
+    broken.mkdir()
+    assert go(whole) == 0
+    expected = without_times(whole)
+    assert len(expected) == 4
+
+    counted = EpisodeRunner.run
+
+    def cut_off(self: EpisodeRunner, number: int, *arguments: Any) -> Any:
+        if number == 1:
+            raise InputError("the machine", "stopped")
+        return counted(self, number, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(EpisodeRunner, "run", cut_off)
+        assert go(broken, "--resume") == 2
+    assert set(without_times(broken)) == {"report/replay-001.html"}
+
+    done.clear()
+    assert go(broken, "--resume", "--workers", "2") == 0
+    assert done == [1]
+    assert without_times(broken) == expected
+
+    (broken / "report" / "replay-001.html").unlink()
+    assert go(broken, "--resume") == 0
+    assert done == [1, 0]
+    assert without_times(broken) == expected
+    (broken / "report" / "index.html").unlink()
+    assert go(broken, "--resume") == 0
+    assert done == [1, 0]
+    assert without_times(broken) == expected
+
+
+def test_figures_alone_can_be_resumed_and_added_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, done: list[int]
+) -> None:
+    path, figures = scenario(tmp_path, SHORT), tmp_path / "figures.json"
+    assert run(monkeypatch, path, "--json", figures) == 0
+    more = ("--json", figures, "--resume", "--episodes")
+    assert run(monkeypatch, path, *more, "2") == 0
+    assert done == [0, 1]
+    values = json.loads(figures.read_text(encoding="utf-8"))
+    assert [entry["episode"] for entry in values["episodes"]] == [0, 1]
+    assert run(monkeypatch, path, *more, "1") == 0
+    assert len(json.loads(figures.read_text(encoding="utf-8"))["episodes"]) == 1
+    assert run(monkeypatch, path, "--json", figures) == 0
+    assert done == [0, 1, 0]
+
+
+def test_what_cannot_be_resumed_is_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    done: list[int],
+) -> None:
+    path, figures = scenario(tmp_path, SHORT), tmp_path / "figures.json"
+
+    def said(*arguments: str | Path) -> str:
+        assert run(monkeypatch, path, *arguments, "--resume") == 2
+        (line,) = [e for e in capfd.readouterr().err.splitlines() if "error: " in e]
+        return line
+
+    assert run(monkeypatch, path, "--json", figures) == 0
+    capfd.readouterr()
+    of = f"error: {figures}.progress: "
+    line = said("--json", figures, "--seed", "5")
+    assert f"{of}random_seed: the run began with '0', this one has '5'; " in line
+    line = said("--json", figures, "--detector", "network")
+    assert f"{of}look.detector: the run began with 'oracle', " in line
+    scenario(tmp_path, SHORT + "task: {tries: 2}\n")
+    line = said("--json", figures)
+    assert f"{of}task.tries: the run began with '3', this one has '2'; " in line
+    for nowhere in ((), ("--json", "-"), ("--json", "/dev/stdout")):
+        line = said(*nowhere)
+        assert "--resume: goes on with what --record or --json kept" in line
+    assert done == [0]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,6 +19,7 @@ from physim_drake.cli import main
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks import classes_of
+from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation import PoseEstimator
 from physim_drake.models import APC11
@@ -62,8 +64,12 @@ def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def quick_estimates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Estimates are the truth, for what was detected: the command is what is tested."""
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Estimates are the truth, for what was detected: the command is what is tested.
+
+    Gives the methods that were asked for an estimate.
+    """
+    asked: list[str] = []
     truth = {g.object_id: g.X_CO for g in BopDataset(SCENE).ground_truth(1, 0)}
 
     def estimate(
@@ -72,6 +78,7 @@ def quick_estimates(monkeypatch: pytest.MonkeyPatch) -> None:
         detections: Sequence[Detection],
         surface_height: float | None = None,
     ) -> SceneEstimate:
+        asked.append(str(self._config.method))
         objects = []
         for d in detections:
             X_CO = truth[d.object_id] if d.seen else None
@@ -82,6 +89,7 @@ def quick_estimates(monkeypatch: pytest.MonkeyPatch) -> None:
     quality = HypothesisQuality((), 1.0, 1, 1.0)
     monkeypatch.setattr(PoseEstimator, "estimate", estimate)
     monkeypatch.setattr(Study, "hypothesis_quality", lambda self: quality)
+    return asked
 
 
 def figures(folder: Path) -> dict[str, Any]:
@@ -125,6 +133,65 @@ def test_a_missing_row_is_explained(
     assert list(report["methods"]) == ["pca-icp"]
     assert "none: cannot be read" in report["notes"][0]
     assert "fcn-pca-icp is missing" in (tmp_path / "out" / "index.html").read_text()
+
+
+THREE = ("--methods", "physim-heuristic,super4pcs-icp,pca-icp")
+
+
+def test_a_report_that_was_cut_off_goes_on(
+    run: Run, asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    assert run(*THREE) == 0
+    whole = {p.name: p.read_bytes() for p in out.iterdir() if p.suffix != ".progress"}
+    shutil.rmtree(out)
+    quick = PoseEstimator.estimate
+
+    def cut_off(self: PoseEstimator, *arguments: Any) -> SceneEstimate:
+        if self._config.method == "pca-icp":
+            raise InputError("the machine", "stopped")
+        return quick(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PoseEstimator, "estimate", cut_off)
+        assert run(*THREE, "--resume") == 2
+    assert [path.name for path in out.iterdir()] == ["report.progress"]
+    asked.clear()
+    assert run(*THREE, "--resume", "--workers", 2, "--vsd") == 0
+    assert asked == ["pca-icp"]
+    asked.clear()
+    assert run(*THREE, "--resume") == 0
+    assert asked == []
+    assert whole == {
+        p.name: p.read_bytes() for p in out.iterdir() if p.suffix != ".progress"
+    }
+    assert run(*THREE) == 0
+    assert len(asked) == 3
+
+
+@pytest.mark.parametrize(
+    ("others", "field"),
+    [
+        (("--seed", "1"), "seed"),
+        (("--methods", "pca-icp"), "methods"),
+        (("--hypotheses", "5"), "hypotheses"),
+        (("--masks",), "detections"),
+        (("--plain",), "plain"),
+    ],
+)
+def test_other_settings_cannot_resume(
+    others: tuple[str, ...],
+    field: str,
+    run: Run,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("--methods", "physim-heuristic") == 0
+    capsys.readouterr()
+    assert run("--methods", "physim-heuristic", *others, "--resume") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    path = tmp_path / "out" / "report.progress"
+    assert line.startswith(f"error: {path}: {field}: the run began with ")
 
 
 @pytest.mark.parametrize(

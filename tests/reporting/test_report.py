@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,11 @@ from physim_drake.errors import InputError
 from physim_drake.estimation import EstimationConfig, Method
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
+from physim_drake.progress_file import ProgressFile
+from physim_drake.reporting import study as study_module
 from physim_drake.reporting.page import write_report
 from physim_drake.reporting.study import HypothesisQuality, MethodRun, Study
+from physim_drake.reporting.study_notes import StudyNotes
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "data" / "tabletop"
 
@@ -109,6 +113,36 @@ def test_same_study_writes_the_same_bytes(
         write_report(study, result, quality, tmp_path / name)
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path
+
+
+def test_what_was_noted_is_not_done_again(
+    study: Study,
+    runs: list[MethodRun],
+    quality: HypothesisQuality,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And gives the same bytes."""
+
+    def report(folder: str, resume: bool) -> None:
+        path = tmp_path / "report.progress"
+        with ProgressFile(path, {}, tmp_path) as progress:
+            notes = StudyNotes(progress, progress.go_on(resume))
+            noted = replace(study, notes=notes)
+            again = noted.hypothesis_quality()
+            results = [noted.run(run.method, None) for run in runs]
+        (tmp_path / folder).mkdir()
+        write_report(study, results, again, tmp_path / folder)
+
+    (tmp_path / "unbroken").mkdir()
+    write_report(study, runs, quality, tmp_path / "unbroken")
+    report("noted", False)
+    monkeypatch.delattr(study_module, "PoseEstimator")
+    monkeypatch.delattr(study_module, "make_estimator")
+    report("resumed", True)
+    for path in (tmp_path / "unbroken").iterdir():
+        for other in ("noted", "resumed"):
+            assert path.read_bytes() == (tmp_path / other / path.name).read_bytes()
 
 
 def test_missing_folder_is_an_input_error(
