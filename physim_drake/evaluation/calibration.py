@@ -150,5 +150,5 @@ def reliability_figure(calibration: Calibration) -> Figure:
         axes.text((b.low + b.high) / 2, height, str(b.estimates), ha="center", size=7)
     axes.set(xlabel="confidence", ylabel="share that is right", xlim=(0, 1))
     axes.set_ylim(0, 1.22)
-    axes.legend(loc="upper left", fontsize="small")
+    axes.legend(loc="center left", fontsize="small")
     return figure
