@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Which of a network's detections to believe, where no list of targets decides.
+"""Which of a network's detections to believe.
 
-A network looks at each class alone, so that one thing may be detected as two.
+A network looks at each class alone, so that one thing may be detected as two objects,
+and a thing may be detected as another object than it is.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from physim_drake.observation import Detection, Mask
 
@@ -60,6 +63,92 @@ def choose_detections(
         chosen.append(detection)
         taken.append(pixels)
     return tuple(chosen)
+
+
+@dataclass(frozen=True)
+class AssignmentConfig:
+    """How likely it is which thing in an image is which object.
+
+    Attributes:
+        overlap: where two detections share more than this of the smaller one's pixels,
+            they are of one thing.
+        mistaken: how likely a thing is another object than the network takes it for,
+            as a share of how sure the network is that it is something.
+        unseen: how likely it is that an object is not seen.
+    """
+
+    overlap: float = 0.6
+    mistaken: float = 0.2
+    unseen: float = 0.05
+
+
+def assign_detections(
+    found: Iterable[Detection],
+    counts: Mapping[int, int],
+    shape: tuple[int, int],
+    config: AssignmentConfig = AssignmentConfig(),
+) -> tuple[Detection, ...]:
+    """The most likely detections of objects that are known to be there.
+
+    Every thing in the image is one object at most, so that one which the network takes
+    for two goes to that which has no better, and an object that it takes for another
+    one may be found all the same. Least total cost, minus the logarithm of the scores,
+    by the Hungarian method.
+
+    Args:
+        found: detections in an image, of all objects that the network knows.
+        counts: how many of each object are there.
+        shape: (height, width) of the image.
+        config: what is likely.
+
+    Returns:
+        one for each that is seen, in the order of `counts`.
+    """
+    things = _things(found, shape, config.overlap)
+    wanted = [object_id for object_id, count in counts.items() for _ in range(count)]
+    cost = np.full((len(wanted), len(things) + len(wanted)), -math.log(config.unseen))
+    options = [[_as(i, thing, config.mistaken) for thing in things] for i in wanted]
+    for row, choice in enumerate(options):
+        cost[row, : len(things)] = [-math.log(max(d.score, 1e-9)) for d in choice]
+    rows, columns = linear_sum_assignment(cost)
+    return tuple(
+        options[row][column]
+        for row, column in zip(rows, columns, strict=True)
+        if column < len(things)
+    )
+
+
+def _things(
+    found: Iterable[Detection], shape: tuple[int, int], overlap: float
+) -> list[list[Detection]]:
+    """The detections of each thing, surest first.
+
+    Those of one class are of several things: the network has seen to that.
+    """
+    things: list[tuple[Mask, list[Detection]]] = []
+    for detection in sorted(found, key=lambda d: -d.score):
+        pixels = detection.pixels(*shape)
+        if not pixels.any():
+            continue
+        for mask, of_thing in things:
+            both = np.count_nonzero(pixels & mask)
+            smaller = min(np.count_nonzero(pixels), np.count_nonzero(mask))
+            alike = any(d.object_id == detection.object_id for d in of_thing)
+            if not alike and both > overlap * smaller:
+                of_thing.append(detection)
+                break
+        else:
+            things.append((pixels, [detection]))
+    return [of_thing for _, of_thing in things]
+
+
+def _as(object_id: int, thing: list[Detection], mistaken: float) -> Detection:
+    """The detection of a thing as this object, which it may have been mistaken for."""
+    surest = thing[0]
+    own = next((d for d in thing if d.object_id == object_id), None)
+    if own is None:
+        return replace(surest, object_id=object_id, score=mistaken * surest.score)
+    return replace(own, score=own.score + mistaken * (surest.score - own.score))
 
 
 def _shared(one: Mask, other: Mask) -> float:

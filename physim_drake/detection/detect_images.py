@@ -83,6 +83,14 @@ def write_detections(path: Path, entries: Sequence[dict[str, Any]]) -> None:
         file.write(f"[\n{lines}\n]\n")
 
 
+def known_targets(dataset: BopDataset) -> Sequence[Target]:
+    """What a dataset's images are said to show; nothing where it does not say so."""
+    try:
+        return dataset.targets()
+    except InputError:
+        return ()
+
+
 def target_names(
     dataset: BopDataset, targets: Sequence[Target] | None = None
 ) -> dict[int, str]:
@@ -95,10 +103,7 @@ def target_names(
         dataset: the images and the models.
         targets: what they are said to show; the dataset's own where it is None.
     """
-    try:
-        wanted = dataset.targets() if targets is None else targets
-    except InputError:
-        return {}
+    wanted = known_targets(dataset) if targets is None else targets
     ids = sorted({target.object_id for target in wanted})
     names = dict.fromkeys(ids, "")
     if (dataset.models / LIBRARY_FILE).exists():

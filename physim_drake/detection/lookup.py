@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
-from physim_drake.detection.detect_images import target_names
+from physim_drake.detection.choosing import assign_detections
+from physim_drake.detection.detect_images import known_targets, target_names
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.model_sizes import check_sizes
 from physim_drake.errors import InputError
@@ -24,7 +25,8 @@ def network_lookup(
 ) -> tuple[Callable[[ImageId], list[Detection]], str]:
     """Detections that a network makes when they are looked up.
 
-    Only objects that are targets are looked for. After those seen comes, for each
+    Where the targets say what an image shows, each of them gets the detection that is
+    most likely its own (see `assign_detections`). After those seen comes, for each
     object, `Detection.unseen`: for instances that the network does not see.
 
     Args:
@@ -43,7 +45,8 @@ def network_lookup(
         InputError: where the weights cannot be used, or are for other objects than
             the targets; with a look-up, where an image has no colour.
     """
-    names = target_names(dataset, targets)
+    shown = known_targets(dataset) if targets is None else targets
+    names = target_names(dataset, shown)
     detector = NetworkDetector.load(weights, pixels=pixels)
     detector.check_objects(names, dataset.root)
     if like is not None:
@@ -61,8 +64,11 @@ def network_lookup(
                 "give colour images, or detections",
             )
         found = detector.detect(observation.color, observation.depth)
+        height, width = observation.depth.shape
+        counts = {t.object_id: t.count for t in shown if (t.scene_id, t.im_id) == image}
+        if counts:
+            found = assign_detections(found, counts, (height, width))
         seen = [d for d in found if d.object_id in wanted]
-        size = observation.depth.shape
-        return [*seen, *(Detection.unseen(i, size[0], size[1]) for i in wanted)]
+        return [*seen, *(Detection.unseen(i, height, width) for i in wanted)]
 
     return look_up, str(weights.resolve())

@@ -3,7 +3,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from physim_drake.detection.choosing import ChoiceConfig, choose_detections
+from physim_drake.detection.choosing import (
+    ChoiceConfig,
+    assign_detections,
+    choose_detections,
+)
 from physim_drake.observation import Detection
 
 SHAPE = (60, 80)
@@ -45,3 +49,34 @@ def test_a_detection_that_is_dropped_stands_in_nobodys_way() -> None:
 def test_detections_may_be_boxes() -> None:
     found = Detection(1, np.array([0.0, 0.0, 20.0, 20.0]), 0.9)
     assert chosen(found, seen(2, 0.8, 1)) == [0.9]
+
+
+def assigned(counts: dict[int, int], *found: Detection) -> list[tuple[int, float]]:
+    result = assign_detections(found, counts, SHAPE)
+    return [(d.object_id, float(d.box[0])) for d in result]
+
+
+def test_a_thing_goes_to_the_object_that_has_no_better() -> None:
+    both = seen(1, 0.99, 0), seen(1, 0.9, 40), seen(2, 0.1, 2)
+    assert assigned({1: 1, 2: 1}, *both) == [(1, 40), (2, 2)]
+    assert assigned({1: 1}, *both) == [(1, 0)]
+    assert assigned({1: 2}, *both) == [(1, 0), (1, 40)]
+
+
+def test_an_object_may_be_taken_for_another_that_is_not_there() -> None:
+    first, other = seen(1, 0.9, 0), seen(3, 0.9, 40)
+    assert assigned({1: 1, 2: 1}, first, other) == [(1, 0), (2, 40)]
+    (mistaken,) = assign_detections([other], {2: 1}, SHAPE)
+    assert 0 < mistaken.score < 0.5
+    assert assigned({1: 1, 2: 1}, first, seen(3, 0.2, 40)) == [(1, 0)]
+
+
+def test_what_lies_within_a_surer_thing_is_no_thing_of_its_own() -> None:
+    whole, part = seen(1, 0.9, 0), seen(3, 0.8, 4, side=8)
+    assert assigned({1: 1, 2: 1}, whole, part) == [(1, 0)]
+
+
+def test_nothing_is_assigned_where_nothing_is_seen() -> None:
+    assert assigned({1: 2, 2: 1}) == []
+    assert assigned({}, seen(1, 0.9, 0)) == []
+    assert assigned({1: 1}, seen(1, 0.9, 0, side=0)) == []

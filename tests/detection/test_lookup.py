@@ -38,13 +38,20 @@ def weights(tmp_path: Path) -> Path:
     return write_weights(tmp_path / "weights", 1, 2)
 
 
-def sees(monkeypatch: pytest.MonkeyPatch, *ids: int) -> None:
-    """Makes the network see these objects, twice each."""
+def sees(
+    monkeypatch: pytest.MonkeyPatch, *ids: int, scores: tuple[float, ...] = (0.9, 0.4)
+) -> None:
+    """Makes the network see these objects at different places, for each score."""
 
     def detect(*arguments: object) -> tuple[Detection, ...]:
-        mask = np.ones((HEIGHT, WIDTH), dtype=bool)
         box = np.array([1.0, 2.0, 3.0, 4.0])
-        return tuple(Detection(i, box, s, mask) for s in (0.9, 0.4) for i in ids)
+        found = []
+        for score in scores:
+            for object_id in ids:
+                mask = np.zeros((HEIGHT, WIDTH), dtype=bool)
+                mask[len(found)] = True
+                found.append(Detection(object_id, box, score, mask))
+        return tuple(found)
 
     monkeypatch.setattr(NetworkDetector, "detect", detect)
 
@@ -62,7 +69,7 @@ def test_targets_get_the_best_detection(
 def test_an_object_that_is_not_seen_has_no_pixel(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    sees(monkeypatch, 2)
+    sees(monkeypatch, 2, scores=(0.9,))
     look_up, source = lookup.network_lookup(dataset, weights)
     missed, seen = match_detections(TARGETS, IMAGE, look_up(IMAGE), source)
     assert (seen.score, seen.seen) == (0.9, True)
