@@ -74,6 +74,8 @@ class Interrupts:
         of a computation that the interrupt broke off, and crash now and then.
         """
         self.say()
+        if self.number is None:  # raised by the program itself, in no such midst
+            sys.exit(self._status)
         with suppress(OSError):
             sys.stdout.flush()  # nobody may read it any more
         os._exit(self._status)

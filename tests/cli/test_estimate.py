@@ -155,8 +155,6 @@ def interrupt_second_image(patch: pytest.MonkeyPatch) -> None:
         raise KeyboardInterrupt
 
     patch.setattr(estimate_run, "estimate_images", cut_off)
-    # The program ends at once, without unwinding, which would end the tests, too.
-    patch.setattr("physim_drake.cli.interrupts.os._exit", sys.exit)
 
 
 def test_resume_refuses_other_settings(
