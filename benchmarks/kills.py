@@ -2,9 +2,9 @@
 """Whether long runs survive being killed, and end with the files of an unbroken one.
 
     python -m benchmarks.kills [--kills 50] [--out FILE.json] [--seed 0]
-                               [--only estimate,generate,train]
+                               [--only estimate,generate,train,report,pick]
 
-Small runs of `estimate`, `generate` and `train` are cut off at random moments: the main
+Small runs of the commands that take long are cut off at random moments: the main
 process is killed (SIGKILL), one of its workers is, or the run is asked to stop (Ctrl-C
 or SIGTERM). What was cut off goes on with `--resume`; what ends is compared, byte by
 byte but for times, with a run that nothing happened to and that had one worker. A kill
@@ -33,43 +33,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.processes import (
-    PROGRAM,
-    command,
-    end,
-    outlived,
-    printed,
-    run,
-    session,
-    started,
-)
+from benchmarks.kill_cases import NAMES, Case, contents, make_cases
+from benchmarks.processes import command, end, outlived, printed, run, session, started
 from physim_drake.cli.progress import Steps
-from physim_drake.models import APC11
 
-NAMES = ("estimate", "generate", "train")
-_MODELS = 2  # objects that the tiny detector learns
 _STOP_LIMIT = 10.0  # s; two are promised, a machine with other work gets some more
+_OF_TORCH = "torchinductor_"  # an empty folder that torch makes for its compiler
 _HANG = 1800.0  # s, far beyond what any of these runs takes
-
-
-@dataclass(frozen=True)
-class Case:
-    """A command whose runs are cut off.
-
-    Attributes:
-        name: the command.
-        arguments: its arguments but for where it writes and its workers.
-        output: gives the arguments that say where it writes, for a folder.
-    """
-
-    name: str
-    arguments: tuple[str, ...]
-    output: Callable[[Path], tuple[str, ...]]
-
-    def command(self, folder: Path, workers: int) -> list[str]:
-        """The command line that writes into a folder."""
-        ends = (*self.output(folder), *self.arguments, "--workers", str(workers))
-        return [*PROGRAM, self.name, *ends]
 
 
 @dataclass
@@ -119,10 +89,13 @@ def main(
     only: str = ",".join(NAMES),
 ) -> None:
     """Cuts runs off, resumes them, compares and counts."""
+    names = only.split(",")
+    if not set(names) <= set(NAMES):
+        raise typer.BadParameter(f"--only: choose from {', '.join(NAMES)}")
     # What ends this process ends the runs, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     with Steps(Console(stderr=True), "kill", kills) as steps:
-        tallies = run_kills(kills, only.split(","), seed, steps.reach)
+        tallies = run_kills(kills, names, seed, steps.reach)
     Console(width=110).print(_table(tallies))
     if out is not None:
         out.write_text(json.dumps({n: asdict(t) for n, t in tallies.items()}, indent=1))
@@ -154,68 +127,16 @@ def run_kills(
         for number, case in enumerate(cases):
             share = kills // len(cases) + (number < kills % len(cases))
             rng = np.random.default_rng([seed, number])
-            workers = (2, 4) if case.name != "train" else (2,)
             tally = tallies[case.name] = Tally()
 
             def tell() -> None:
                 told(sum(t.kills for t in tallies.values()))
 
             try:
-                cut_off(case, folder / case.name, share, rng, tally, workers, tell)
+                cut_off(case, folder / case.name, share, rng, tally, tell)
             except RuntimeError as error:
                 tally.wrong.append(str(error))
     return tallies
-
-
-def make_cases(folder: Path, names: Sequence[str]) -> list[Case]:
-    """The cases of these names; makes what they read in a folder."""
-    generate = Case(
-        "generate",
-        ("--scenes", "4", "--objects", "2:3", "--seed", "5"),
-        lambda out: (str(out / "scenes"),),
-    )
-    cases = []
-    if "estimate" in names:
-        run(generate.command(folder / "input", 2), folder)
-        cases.append(estimate_case(folder / "input" / "scenes"))
-    if "generate" in names:
-        cases.append(generate)
-    if "train" in names:
-        cases.append(train_case(few_models(folder / "models", _MODELS)))
-    return cases
-
-
-def estimate_case(dataset: Path, *more: str) -> Case:
-    """Estimates of a dataset with a small budget."""
-    budget = ("--expansions", "12", "--hypotheses", "5", *more)
-    return Case(
-        "estimate",
-        (str(dataset), *budget),
-        lambda out: ("--out", str(out / "results.csv")),
-    )
-
-
-def train_case(models: Path) -> Case:
-    """A detector that learns for a moment."""
-    size = "--scenes 2 --views 1 --test-images 2 --steps 6 --batch 1 --image-size 64"
-    exact = "--save-every 2 --threads 1 --device cpu --precision float32"
-    return Case(
-        "train",
-        ("--models", str(models), *size.split(), *exact.split()),
-        lambda out: (str(out / "run"),),
-    )
-
-
-def few_models(folder: Path, count: int) -> Path:
-    """A library of the first few of the objects that come with the package."""
-    folder.mkdir(parents=True)
-    text = (APC11 / "library.yaml").read_text()
-    kept = text.split("- id: ")[: count + 1]
-    (folder / "library.yaml").write_text("- id: ".join(kept))
-    for source in APC11.iterdir():
-        if source.is_dir():
-            (folder / source.name).symlink_to(source)
-    return folder
 
 
 def cut_off(
@@ -224,7 +145,6 @@ def cut_off(
     kills: int,
     rng: np.random.Generator,
     tally: Tally,
-    workers: Sequence[int] = (2,),
     told: Callable[[], object] = lambda: None,
 ) -> None:
     """Cuts runs of a case off until that has happened so often, and counts.
@@ -235,8 +155,6 @@ def cut_off(
         kills: how often.
         rng: says when, and what is killed.
         tally: is added to.
-        workers: of unbroken runs that are compared, too; the first of them is that of
-            runs that are cut off.
         told: is called whenever a process has ended.
 
     Raises:
@@ -245,10 +163,11 @@ def cut_off(
     begun = time.monotonic()
     expected = _unbroken(case, folder / "unbroken", 1)
     seconds = time.monotonic() - begun
-    for count in workers:
-        name = f"{count}-workers"
-        if _unbroken(case, folder / name, count) != expected:
-            tally.wrong.append(f"{case.name}: other files with {count} workers")
+    for count in case.workers:
+        found = _unbroken(case, folder / f"{count}-workers", count)
+        if found != expected:
+            said = differences(expected, found)
+            tally.wrong.append(f"{case.name}, {count} workers: {said}")
     goal, broken = tally.kills + kills, folder / "broken"
     while tally.kills < goal:
         if broken.exists():
@@ -257,7 +176,7 @@ def cut_off(
         before, ended = tally.kills, False
         while not ended:
             delay = seconds * rng.random()
-            ended = _run_once(case, broken, workers[0], goal, delay, rng, tally)
+            ended = _run_once(case, broken, goal, delay, rng, tally)
             told()
         _judge(case, broken, expected, tally.kills - before, tally)
 
@@ -274,21 +193,24 @@ def _judge(
     else:
         tally.wrong.append(f"{case.name}: {differences(expected, found)}")
     scratch = folder.parent / "tmp"
-    tally.litter += len(list(folder.rglob("*.tmp"))) + len(list(scratch.iterdir()))
+    left = [path for path in scratch.iterdir() if not path.name.startswith(_OF_TORCH)]
+    litter = [str(path.name) for path in (*left, *folder.rglob("*.tmp"))]
+    if litter:
+        tally.litter += len(litter)
+        tally.wrong.append(f"{case.name} left {litter}")
     shutil.rmtree(scratch)  # so that nothing is counted again
 
 
 def _run_once(
     case: Case,
     folder: Path,
-    workers: int,
     goal: int,
     delay: float,
     rng: np.random.Generator,
     tally: Tally,
 ) -> bool:
     """Begins or resumes a run, which may be cut off; returns whether it ended well."""
-    arguments = [*case.command(folder, workers), "--resume"]
+    arguments = [*case.command(folder, case.workers[0]), "--resume"]
     with started(arguments, folder.parent / "tmp") as (process, printing):
         if tally.kills < goal:
             how = rng.choice(["main", "worker", "stopped"], p=[0.4, 0.4, 0.2])
@@ -352,27 +274,6 @@ def _unbroken(case: Case, folder: Path, workers: int) -> dict[str, bytes]:
     folder.mkdir(parents=True)
     run(case.command(folder, workers), folder.parent)
     return contents(folder)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """The files of a run by path, without times and what depends on them."""
-    found = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.suffix not in (".progress", ".tmp"):
-            found[str(path.relative_to(folder))] = _without_times(path)
-    return found
-
-
-def _without_times(path: Path) -> bytes:
-    if path.name == "results.csv":
-        lines = path.read_text().splitlines()
-        return "\n".join(line.rpartition(",")[0] for line in lines).encode()
-    if path.name == "training.json":
-        log = json.loads(path.read_text())
-        for entry in log["losses"]:
-            del entry["seconds"]
-        return json.dumps(log).encode()
-    return path.read_bytes()
 
 
 def differences(expected: Mapping[str, bytes], found: Mapping[str, bytes]) -> str:

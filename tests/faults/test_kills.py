@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.kills import Case, Tally, cut_off, estimate_case
+from benchmarks.kill_cases import Case, estimate_case
+from benchmarks.kills import Tally, cut_off
 from physim_drake.models import APC11
 from tests.cli.test_estimate import SCENE, edit, twice
 
@@ -45,7 +47,8 @@ def test_estimates_survive_kills_on_one_worker_or_two(
 ) -> None:
     tally = Tally()
     case = estimate_case(two_images, "--models", str(APC11))
-    cut_off(case, tmp_path / "runs", 3, np.random.default_rng(1), tally, (2,))
+    case = replace(case, workers=(2,))
+    cut_off(case, tmp_path / "runs", 3, np.random.default_rng(1), tally)
     check(tally, 3)
 
 
@@ -56,5 +59,5 @@ def test_generated_scenes_survive_kills_on_one_worker_or_two(tmp_path: Path) -> 
         lambda out: (str(out / "scenes"),),
     )
     tally = Tally()
-    cut_off(case, tmp_path / "runs", 3, np.random.default_rng(2), tally, (2,))
+    cut_off(case, tmp_path / "runs", 3, np.random.default_rng(2), tally)
     check(tally, 3)
