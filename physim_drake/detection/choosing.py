@@ -145,10 +145,9 @@ def _things(
 def _as(object_id: int, thing: list[Detection], mistaken: float) -> Detection:
     """The detection of a thing as this object, which it may have been mistaken for."""
     surest = thing[0]
-    own = next((d for d in thing if d.object_id == object_id), None)
-    if own is None:
-        return replace(surest, object_id=object_id, score=mistaken * surest.score)
-    return replace(own, score=own.score + mistaken * (surest.score - own.score))
+    own = next((d.score for d in thing if d.object_id == object_id), 0.0)
+    score = own + mistaken * (surest.score - own)
+    return replace(surest, object_id=object_id, score=score)
 
 
 def _shared(one: Mask, other: Mask) -> float:

@@ -58,7 +58,7 @@ def assigned(counts: dict[int, int], *found: Detection) -> list[tuple[int, float
 
 def test_a_thing_goes_to_the_object_that_has_no_better() -> None:
     both = seen(1, 0.99, 0), seen(1, 0.9, 40), seen(2, 0.1, 2)
-    assert assigned({1: 1, 2: 1}, *both) == [(1, 40), (2, 2)]
+    assert assigned({1: 1, 2: 1}, *both) == [(1, 40), (2, 0)]
     assert assigned({1: 1}, *both) == [(1, 0)]
     assert assigned({1: 2}, *both) == [(1, 0), (1, 40)]
 
