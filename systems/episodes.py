@@ -88,22 +88,17 @@ class EpisodeRunner(Closing):
         self,
         episode: int,
         on_step: Callable[[PickCell, Context], None] = lambda _cell, _context: None,
-        meshcat: Meshcat | None = None,
     ) -> EpisodeResult:
         """Runs one episode; its number and the scenario decide everything in it.
 
         Args:
             episode: number, from 0.
             on_step: is shown the cell and its context every 0.1 s of simulated time.
-            meshcat: where everything is shown, if not where the parts say. The bytes
-                of a replay depend on what Meshcat has shown before.
 
         Raises:
             InputError: where no start of the episode can be drawn.
         """
-        watch, parts = self._watch, self._parts
-        if meshcat is not None:
-            parts = replace(parts, meshcat=meshcat)
+        watch = self._watch
         watch.restart()
         start = draw_start(
             self.scenario, self.library, self._files, self.geometry.X_WA, episode
@@ -114,13 +109,13 @@ class EpisodeRunner(Closing):
             self.library,
             start,
             _seed(self.scenario.random_seed, episode),
-            parts,
+            self._parts,
         )
         camera = cell.perception.GetSubsystemByName("camera")
         watch.time_calls(camera, ("capture",), "rendering")
         watch.lap("set-up")
         judge = _Judge(cell)
-        with self._recorded(parts.meshcat):
+        with self._recorded():
             state = self._simulate(cell, judge, on_step)
         watch.lap("simulation")
         in_tote = self.geometry.tote.holds
@@ -134,8 +129,9 @@ class EpisodeRunner(Closing):
         )
 
     @contextmanager
-    def _recorded(self, meshcat: Meshcat | None) -> Iterator[None]:
+    def _recorded(self) -> Iterator[None]:
         """Makes a replay, where there is a Meshcat, of what happens meanwhile."""
+        meshcat = self._parts.meshcat
         if meshcat is None:
             yield
             return

@@ -138,8 +138,8 @@ def pick(
     kept = _progress_path(record, json_file, resume)
     if record is not None:
         make_folder(record)
-    shown = local_meshcat(host) if meshcat else None
-    if shown is not None:
+    shown = local_meshcat(host) if meshcat or record is not None else None
+    if meshcat and shown is not None:
         typer.echo(f"Meshcat: {shown.web_url()}", err=True)
     with (
         nullcontext()

@@ -17,8 +17,9 @@ from physim_drake.files import write_atomically
 from physim_drake.picking.episode import EpisodeResult
 from physim_drake.picking.episode_notes import EpisodeNotes
 from physim_drake.picking.scenario import PickScenario
-from physim_drake.systems.episodes import EpisodeRunner, local_meshcat
-from physim_drake.systems.pick_cell import PickCell
+from physim_drake.reporting.replays import replay_page
+from physim_drake.systems.episodes import EpisodeRunner
+from physim_drake.systems.pick_cell import PickCell, PickCellParts
 
 
 class PickRun:
@@ -29,7 +30,7 @@ class PickRun:
         source: the scenario's file.
         notes: the episodes that are done.
         record: where replays go, if anywhere.
-        shown: where the episodes are shown as they happen, if anywhere.
+        meshcat: where the episodes are shown; must be where there are replays.
     """
 
     def __init__(
@@ -38,10 +39,10 @@ class PickRun:
         source: Path,
         notes: EpisodeNotes,
         record: Path | None = None,
-        shown: Meshcat | None = None,
+        meshcat: Meshcat | None = None,
     ) -> None:
         self._scenario, self._source, self._notes = scenario, source, notes
-        self._record, self._shown = record, shown
+        self._record, self._meshcat = record, meshcat
 
     def run(self, count: int, console: Console) -> list[EpisodeResult]:
         """Runs those of so many episodes that are not done; returns all of them.
@@ -54,7 +55,8 @@ class PickRun:
             steps.begin(count - len(todo))
             if todo:
                 with self._said_of_the_scenario():
-                    runner = EpisodeRunner(self._scenario)
+                    parts = PickCellParts(meshcat=self._meshcat)
+                    runner = EpisodeRunner(self._scenario, parts)
                 with runner:
                     for done, number in enumerate(todo, count - len(todo)):
                         self._run(runner, number, count, steps, done)
@@ -74,14 +76,11 @@ class PickRun:
             phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
             steps.reach(done, f"{context.get_time():.1f} s, {phase}")
 
-        meshcat = self._shown
-        if meshcat is None and self._record is not None:
-            meshcat = local_meshcat()  # a new one, for the same bytes at every run
         with self._said_of_the_scenario():
-            result = runner.run(number, show, meshcat)
-        if meshcat is not None and self._record is not None:
+            result = runner.run(number, show)
+        if self._meshcat is not None and self._record is not None:
             with write_atomically(self._record / replay_name(number)) as file:
-                file.write(meshcat.StaticHtml())
+                file.write(replay_page(self._meshcat))
         # Last, so that --resume makes up for a replay that was cut off.
         self._notes.add(result)
         steps.say(
