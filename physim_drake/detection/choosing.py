@@ -72,8 +72,8 @@ class AssignmentConfig:
     Attributes:
         overlap: where two detections share more than this of the smaller one's pixels,
             they are of one thing.
-        mistaken: how likely a thing is another object than the network takes it for,
-            as a share of how sure the network is that it is something.
+        mistaken: how likely a thing is another object than the network is surest of,
+            where it sees that one in it, too: this share of what it is surer by.
         unseen: how likely it is that an object is not seen.
     """
 
@@ -91,9 +91,8 @@ def assign_detections(
     """The most likely detections of objects that are known to be there.
 
     Every thing in the image is one object at most, so that one which the network takes
-    for two goes to that which has no better, and an object that it takes for another
-    one may be found all the same. Least total cost, minus the logarithm of the scores,
-    by the Hungarian method.
+    for two goes to that which has no better, though the network be surer of the other.
+    Least total cost, minus the logarithm of the scores, by the Hungarian method.
 
     Args:
         found: detections in an image, of all objects that the network knows.
@@ -107,14 +106,14 @@ def assign_detections(
     things = _things(found, shape, config.overlap)
     wanted = [object_id for object_id, count in counts.items() for _ in range(count)]
     cost = np.full((len(wanted), len(things) + len(wanted)), -math.log(config.unseen))
-    options = [[_as(i, thing, config.mistaken) for thing in things] for i in wanted]
-    for row, choice in enumerate(options):
-        cost[row, : len(things)] = [-math.log(max(d.score, 1e-9)) for d in choice]
+    scores = [[_score(i, thing, config.mistaken) for thing in things] for i in wanted]
+    with np.errstate(divide="ignore"):
+        cost[:, : len(things)] = -np.log(np.reshape(scores, (len(wanted), len(things))))
     rows, columns = linear_sum_assignment(cost)
     return tuple(
-        options[row][column]
-        for row, column in zip(rows, columns, strict=True)
-        if column < len(things)
+        replace(things[k][0], object_id=wanted[n], score=scores[n][k])
+        for n, k in zip(rows, columns, strict=True)
+        if k < len(things)
     )
 
 
@@ -142,12 +141,10 @@ def _things(
     return [of_thing for _, of_thing in things]
 
 
-def _as(object_id: int, thing: list[Detection], mistaken: float) -> Detection:
-    """The detection of a thing as this object, which it may have been mistaken for."""
-    surest = thing[0]
-    own = next((d.score for d in thing if d.object_id == object_id), 0.0)
-    score = own + mistaken * (surest.score - own)
-    return replace(surest, object_id=object_id, score=score)
+def _score(object_id: int, thing: list[Detection], mistaken: float) -> float:
+    """How likely a thing is this object; 0 where the network does not see it there."""
+    own = next((d.score for d in thing if d.object_id == object_id), None)
+    return 0.0 if own is None else own + mistaken * (thing[0].score - own)
 
 
 def _shared(one: Mask, other: Mask) -> float:

@@ -69,7 +69,7 @@ def test_targets_get_the_best_detection(
 def test_an_object_that_is_not_seen_has_no_pixel(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    sees(monkeypatch, 2, scores=(0.9,))
+    sees(monkeypatch, 2)
     look_up, source = lookup.network_lookup(dataset, weights)
     missed, seen = match_detections(TARGETS, IMAGE, look_up(IMAGE), source)
     assert (seen.score, seen.seen) == (0.9, True)
@@ -117,7 +117,7 @@ def test_the_network_stands_in_for_missing_detections(
 def test_only_boxes_may_be_kept(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    sees(monkeypatch, 2, scores=(0.9,))
+    sees(monkeypatch, 2)
     look_up, _ = lookup.network_lookup(dataset, weights)
     kept = boxes_only(look_up)(IMAGE)
     assert [(d.object_id, d.seen, d.mask is None) for d in kept] == [
