@@ -6,10 +6,10 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from types import TracebackType
 
 import numpy as np
 
+from physim_drake.closing import Closing
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation_config import EstimationConfig, Method
 from physim_drake.hypotheses.generation import PoseHypotheses
@@ -37,7 +37,7 @@ Request = tuple[RgbdObservation, Sequence[Detection], float | None]
 _NOTHING: Placement = {}
 
 
-class PoseEstimator:
+class PoseEstimator(Closing):
     """Estimates scenes; keeps its workers warm from one image to the next.
 
     Args:
@@ -163,17 +163,6 @@ class PoseEstimator:
     def close(self) -> None:
         """Ends the workers."""
         self._pool.close()
-
-    def __enter__(self) -> PoseEstimator:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _register(
         self,

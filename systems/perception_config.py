@@ -113,6 +113,8 @@ class EstimatorConfig:
         seed: of all random choices.
         surface_height: z of the support surface in the world, m; found in each image
             where it is None.
+        least_confidence: an object that the image confirms by less is not found; the
+            method's own limit where it is None.
     """
 
     method: Method = Method.PHYSIM_MCTS
@@ -122,6 +124,7 @@ class EstimatorConfig:
     workers: int = 1
     seed: int = 0
     surface_height: float | None = None
+    least_confidence: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("expansions", "representatives", "rounds", "workers"):
@@ -137,7 +140,11 @@ class EstimatorConfig:
     def estimation(self) -> EstimationConfig:
         """The same for the algorithms."""
         config = EstimationConfig(
-            self.method, self.seed, self.workers, rounds=self.rounds
+            self.method,
+            self.seed,
+            self.workers,
+            rounds=self.rounds,
+            least_confidence=self.least_confidence,
         )
         return config.with_budget(self.expansions, self.representatives)
 

@@ -354,6 +354,7 @@ def perception_config(
             workers=look.workers,
             seed=seed,
             surface_height=float(geometry.X_WA[2, 3]),
+            least_confidence=scenario.task.last_confidence,
         ),
         latency=LatencyConfig(estimator=look.latency),
         poll_period=scenario.task.period,

@@ -64,6 +64,11 @@ class Shares:
     agrees: float
     explained: float
 
+    @property
+    def product(self) -> float:
+        """The confidence, were it not shared with other poses that fit as well."""
+        return self.agrees * self.explained
+
 
 @dataclass(frozen=True)
 class Explanation:

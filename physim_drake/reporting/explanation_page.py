@@ -98,6 +98,7 @@ def _objects(
                 "color": "#{:02x}{:02x}{:02x}".format(*object_color(k)),
                 "estimate": item,
                 "shares": shares,
+                "share": item.confidence / max(shares.product, item.confidence, 1e-9),
                 "verdict": verdict(e, k, shares),
                 "diagnosis": diagnosis(e, k),
                 "errors": stage_errors(e, k),

@@ -29,6 +29,11 @@ def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
         )
     if item.confidence >= explanation.config.confirmed:
         return "The depth image confirms it."
+    if shares.product >= explanation.config.confirmed:
+        return (
+            "The depth image agrees with it, but about as well with another pose of it "
+            "that was tried, so that the two share the confidence."
+        )
     doubts = []
     if shares.agrees < _DOUBTED:
         doubts.append(

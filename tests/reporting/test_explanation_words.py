@@ -55,6 +55,12 @@ def test_doubts_name_the_share_that_is_low(
     assert unsaid not in text
 
 
+def test_a_confidence_that_is_shared_is_no_doubt_about_the_fit() -> None:
+    text = verdict(with_confidence(0.5), BOX, GOOD)
+    assert "agrees" in text
+    assert "another pose" in text
+
+
 def test_not_found_says_why_and_what_may_be_behind_it() -> None:
     text = verdict(bare(), CRAYONS, Shares(0.0, 0.0))
     assert text.startswith("Not found: its segment has 0 points")

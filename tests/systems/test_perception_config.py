@@ -39,6 +39,7 @@ estimator:
   workers: 3
   seed: 7
   surface_height: 0.72
+  least_confidence: 0.3
 latency: {camera: 0.03, detector: 0.2, hypotheses: 1.0, estimator: 4.0}
 period: 2.0
 poll_period: 0.01
@@ -75,6 +76,7 @@ def test_one_of_everything(tmp_path: Path) -> None:
     assert (estimation.workers, estimation.seed, estimation.rounds) == (3, 7, 1)
     assert estimation.search.expansions == 100
     assert estimation.steps.hypotheses.clustering.representatives == 20
+    assert estimation.required_confidence == 0.3
     assert config.estimator.surface_height == 0.72
     assert config.latency.estimator == 4.0
     assert (config.period, config.poll_period) == (2.0, 0.01)

@@ -23,7 +23,7 @@ from physim_drake.picking.scenario import (
 from physim_drake.picking.start import PlacedModel
 from physim_drake.poses import make_pose
 from physim_drake.scenes.generation import write_models
-from physim_drake.systems.pick_cell import PickCell
+from physim_drake.systems.pick_cell import PickCell, perception_config
 
 SCENARIO = PickScenario(
     objects=ObjectsConfig(str(APC11), ("dove_beauty_bar",), (1, 1), (1,)),
@@ -113,6 +113,11 @@ def test_planner_and_simulation_agree_where_the_camera_is(
     frame = cell.plant.GetFrameByName("optical")
     X_WC = frame.CalcPoseInWorld(plant_context).GetAsMatrix4()
     assert pytest.approx(scene.camera_pose(geometry.planner.home), abs=1e-3) == X_WC
+
+
+def test_the_task_hears_of_all_that_it_might_pick(geometry: PickCellGeometry) -> None:
+    estimation = perception_config(SCENARIO, geometry, 0).estimator.estimation
+    assert estimation.required_confidence == SCENARIO.task.last_confidence
 
 
 def test_a_cloned_context_goes_on_as_the_original(cell: PickCell) -> None:
