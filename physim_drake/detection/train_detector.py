@@ -10,7 +10,7 @@ from pathlib import Path
 
 import cv2
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection.augmentation import AugmentationConfig, Augmenter
@@ -27,7 +27,12 @@ from physim_drake.detection.training_images import (
 )
 from physim_drake.detection.training_log import TrainingLog
 from physim_drake.detection.training_scenes import SceneSetConfig, generate_scene_set
-from physim_drake.detection.weights import save_weights, start_from
+from physim_drake.detection.weights import (
+    load_weights,
+    mix_weights,
+    save_weights,
+    start_from,
+)
 from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.files import make_folder
@@ -58,6 +63,8 @@ class TrainDetectorConfig:
         data: datasets with visible masks to learn from, instead of generated scenes;
             each counts the same, however large it is.
         start: weights to start from, of any objects, instead of random ones.
+        start_share: of the weights it started from that the result keeps; see
+            `mix_weights`. They must be of the same objects.
     """
 
     scenes: SceneSetConfig = field(default_factory=SceneSetConfig)
@@ -66,6 +73,23 @@ class TrainDetectorConfig:
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     data: tuple[Path, ...] = ()
     start: Path | None = None
+    start_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start_share < 1:
+            raise InputError(
+                "training",
+                f"is {self.start_share:g}",
+                "give a number from 0 to below 1",
+                "start_share",
+            )
+        if self.start_share and self.start is None:
+            raise InputError(
+                "training",
+                "is given without weights to start from",
+                "give those, too",
+                "start_share",
+            )
 
 
 class DetectorTraining:
@@ -114,6 +138,7 @@ class DetectorTraining:
         """
         log = TrainingLog(self._out, self._settings())
         network = self._network()
+        first, share = self._first_weights(network), self._config.start_share
         log.write()  # so that a run which is cut off now knows what it was
         data = self._data()
         test = BopDataset(self._generate(test=True))
@@ -134,7 +159,10 @@ class DetectorTraining:
         )
         trainer.run(
             lambda weights: save_weights(
-                self._out / WEIGHTS_FILE, weights, self._config.network, self._classes
+                self._out / WEIGHTS_FILE,
+                mix_weights(weights, first, share) if share else weights,
+                self._config.network,
+                self._classes,
             ),
             lambda averaged, step: self._test(averaged, test, step, log),
             lambda step, losses: self._tell(step, losses, log),
@@ -154,6 +182,19 @@ class DetectorTraining:
         if config.start is not None:
             start_from(network, config.start)
         return network
+
+    def _first_weights(self, network: Network) -> dict[str, Tensor]:
+        """The weights that the result keeps a share of; empty where it keeps none."""
+        start = self._config.start
+        if start is None or not self._config.start_share:
+            return {}
+        if load_weights(start).classes != self._classes:
+            raise InputError(
+                start,
+                "are weights for other objects, so that no share of them can be kept",
+                "start from weights for these objects, or keep no share",
+            )
+        return {k: v.clone() for k, v in network.state_dict().items()}
 
     def _data(self) -> list[BopDataset]:
         if not self._config.data:
@@ -233,6 +274,7 @@ class DetectorTraining:
             "scenes": asdict(config.scenes),
             "data": [str(path.resolve()) for path in config.data] or None,
             "start": None if config.start is None else str(config.start.resolve()),
+            "start_share": config.start_share,
         }
 
 

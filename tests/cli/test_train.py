@@ -114,6 +114,19 @@ def test_start_weights_of_another_network(tmp_path: Path, models: Path):
     check_refused(result, "are weights of another backbone")
 
 
+def test_no_share_is_kept_of_weights_for_other_objects(
+    tmp_path: Path, models: Path, trained: Path
+):
+    start = ["--start", trained / "detector.safetensors", "--start-share", "0.5"]
+    result = run(tmp_path / "out", "--models", APC11, *start, *SMALL)
+    check_refused(result, "are weights for other objects")
+
+
+def test_no_share_is_kept_of_nothing(tmp_path: Path, models: Path):
+    result = run(tmp_path / "out", "--models", models, "--start-share", "0.5", *SMALL)
+    check_refused(result, "is given without weights to start from")
+
+
 def test_a_pickle_to_start_from(tmp_path: Path, models: Path):
     torch.save({}, tmp_path / "weights.pt")
     result = run(

@@ -15,6 +15,7 @@ from physim_drake.detection.networks import make_network
 from physim_drake.detection.weights import (
     describe,
     load_weights,
+    mix_weights,
     save_weights,
     start_from,
 )
@@ -187,6 +188,14 @@ def test_a_network_starts_from_one_of_another_kind(path: Path):
     start_from(network, path)
     other = load_weights(path).network.state_dict()
     assert all(torch.equal(v, other[k]) for k, v in network.state_dict().items())
+
+
+def test_a_mixture_lies_between_its_parts():
+    one = {"w": torch.tensor([0.0, 1.0]), "steps": torch.tensor(7)}
+    other = {"w": torch.tensor([4.0, 1.0], dtype=torch.float16), "steps": one["steps"]}
+    mixed = mix_weights(one, other, 0.25)
+    assert mixed["w"].tolist() == [1.0, 1.0]
+    assert mixed["steps"] == 7
 
 
 def test_another_backbone_is_no_start(path: Path):
