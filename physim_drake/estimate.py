@@ -16,6 +16,7 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 from physim_drake.drake_export import file_stem, write_drake_model
 from physim_drake.files import write_atomically
 from physim_drake.objects import ObjectLibrary
+from physim_drake.observation import Detection
 from physim_drake.poses import Array
 from physim_drake.scene import Scene
 from physim_drake.search.tree import SearchResult
@@ -106,6 +107,8 @@ class SceneEstimate:
         method: how it was made.
         stages: seconds by stage.
         trace: the anytime curve of each independent group that was searched.
+        detections: where each object was looked for: what was given, or where it has
+            rivals, those by which more of the image is explained.
     """
 
     objects: tuple[ObjectEstimate, ...]
@@ -113,6 +116,7 @@ class SceneEstimate:
     method: str
     stages: Mapping[str, float]
     trace: tuple[SearchTrace, ...] = ()
+    detections: tuple[Detection, ...] = ()
 
     @property
     def seconds(self) -> float:

@@ -6,10 +6,12 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from physim_drake.closing import Closing
+from physim_drake.detection.rivals import RivalConfig, rival_choices
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation_config import EstimationConfig, Method
 from physim_drake.hypotheses.generation import PoseHypotheses
@@ -65,6 +67,10 @@ class PoseEstimator(Closing):
     ) -> SceneEstimate:
         """Estimates the pose of every detected object.
 
+        Where a detector is not sure of an object, and neither is the image of its pose,
+        it is tried where else the detector sees it (`Detection.instead`), too; what the
+        image confirms most is taken.
+
         Args:
             observation: the image.
             detections: one for each object to find; one that the detector did not see
@@ -77,6 +83,27 @@ class PoseEstimator(Closing):
         Raises:
             InputError: where the surface cannot be found, or an object has no model.
         """
+        best = self._estimate(observation, detections, surface_height, hypotheses)
+        if hypotheses is not None or not self._config.method.searches:
+            return best
+        stages = dict(best.stages)
+        for rival in rival_choices(detections, observation.depth.shape):
+            if self._settled(best):
+                break
+            other = self._estimate(observation, rival, surface_height, None)
+            for stage, seconds in other.stages.items():
+                stages[stage] = stages.get(stage, 0.0) + seconds
+            best = max(best, other, key=_confirmed)
+        return replace(best, stages=stages)
+
+    def _estimate(
+        self,
+        observation: RgbdObservation,
+        detections: Sequence[Detection],
+        surface_height: float | None,
+        hypotheses: Sequence[PoseHypotheses] | None,
+    ) -> SceneEstimate:
+        """The estimate with these detections alone."""
         clock = StageClock()
         surface, scene = self._prepare(observation, detections, surface_height)
         clock.lap("segments")
@@ -117,6 +144,14 @@ class PoseEstimator(Closing):
             str(self._config.method),
             clock.stages,
             tuple(search.trace),
+            tuple(detections),
+        )
+
+    def _settled(self, estimate: SceneEstimate) -> bool:
+        """Whether the detector or the image is sure of each object."""
+        return all(
+            d.score >= RivalConfig.unsure or o.confidence >= self._config.settled
+            for d, o in zip(estimate.detections, estimate.objects, strict=True)
         )
 
     def estimate_all(self, requests: Iterable[Request]) -> Iterator[SceneEstimate]:
@@ -260,6 +295,11 @@ def estimate_scene(
     """
     with PoseEstimator(library, config) as estimator:
         return estimator.estimate(observation, detections, surface_height)
+
+
+def _confirmed(estimate: SceneEstimate) -> float:
+    """How much of the estimate the image confirms, in objects."""
+    return sum(o.confidence for o in estimate.objects)
 
 
 def _same(one: Sequence[object], other: Sequence[object]) -> bool:

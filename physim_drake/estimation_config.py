@@ -60,6 +60,8 @@ class EstimationConfig:
         confirmed: the confidence from which on an object is.
         trusted: an object of less confidence takes no points from another's new
             hypotheses: where all are wrong together, all begin anew.
+        settled: an object that the detector is not sure of is looked for elsewhere,
+            too, where its confidence is less than this.
         least_confidence: an object that the image confirms by less is reported as not
             found; 0 reports all. Where it is None, `LEAST_CONFIDENCE` for a method that
             searches, and 0 for the others, which are there to be compared with.
@@ -76,6 +78,7 @@ class EstimationConfig:
     rounds: int = 3
     confirmed: float = 0.93
     trusted: float = 0.7
+    settled: float = 0.97
     least_confidence: float | None = None
 
     def __post_init__(self) -> None:

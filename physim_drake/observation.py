@@ -110,12 +110,15 @@ class Detection:
         box: left, top, right, bottom in pixels (right and bottom exclusive), (4,).
         score: the detector's confidence, 0..1.
         mask: (height, width) bool where the detector gives one, else None.
+        instead: where else it sees the object, the likeliest first; see
+            `physim_drake.detection.rivals`.
     """
 
     object_id: int
     box: Array
     score: float = 1.0
     mask: Mask | None = None
+    instead: tuple[Detection, ...] = ()
 
     @classmethod
     def unseen(cls, object_id: int, height: int, width: int) -> Detection:

@@ -292,3 +292,18 @@ def test_the_stages_are_timed() -> None:
     stages = stack_estimate(Method.PHYSIM_MCTS).stages
     assert {"segments", "hypotheses", "search", "refinement"} <= set(stages)
     assert all(seconds >= 0 for seconds in stages.values())
+
+
+def test_what_a_detector_takes_for_each_other_is_exchanged() -> None:
+    made = apart()
+    first, second = made.detections
+    X_CO = errors(made, estimate(made, quick()))
+    taken_for_each_other = (
+        replace(second, object_id=first.object_id, score=0.3, instead=(first,)),
+        replace(first, object_id=second.object_id, score=0.9, instead=(second,)),
+    )
+    mended = estimate_scene(
+        made.observation, small_library(), taken_for_each_other, quick()
+    )
+    np.testing.assert_array_equal(errors(made, mended), X_CO)
+    assert mended.detections == (first, second)

@@ -101,8 +101,10 @@ def assign_detections(
         config: what is likely.
 
     Returns:
-        one for each that is seen, in the order of `counts`.
+        one for each that is seen, in the order of `counts`, with the others that the
+        network makes of the same object (`instead`).
     """
+    found = sorted(found, key=lambda d: -d.score)
     things = _things(found, shape, config.overlap)
     wanted = [object_id for object_id, count in counts.items() for _ in range(count)]
     cost = np.full((len(wanted), len(things) + len(wanted)), -math.log(config.unseen))
@@ -110,30 +112,46 @@ def assign_detections(
     with np.errstate(divide="ignore"):
         cost[:, : len(things)] = -np.log(np.reshape(scores, (len(wanted), len(things))))
     rows, columns = linear_sum_assignment(cost)
-    return tuple(
+    chosen = [
         replace(things[k][0], object_id=wanted[n], score=scores[n][k])
         for n, k in zip(rows, columns, strict=True)
         if k < len(things)
+    ]
+    return tuple(replace(d, instead=_instead(d, found, shape, config)) for d in chosen)
+
+
+def _instead(
+    chosen: Detection,
+    found: Iterable[Detection],
+    shape: tuple[int, int],
+    config: AssignmentConfig,
+) -> tuple[Detection, ...]:
+    """Where else the network sees an object, the likeliest first."""
+    pixels = chosen.pixels(*shape)
+    return tuple(
+        d
+        for d in found
+        if d.object_id == chosen.object_id
+        and d.score >= config.unseen
+        and not are_nested(d.pixels(*shape), pixels, config.overlap)
     )
 
 
 def _things(
     found: Iterable[Detection], shape: tuple[int, int], overlap: float
 ) -> list[list[Detection]]:
-    """The detections of each thing, surest first.
+    """The detections of each thing, surest first as they are given.
 
     Those of one class are of several things: the network has seen to that.
     """
     things: list[tuple[Mask, list[Detection]]] = []
-    for detection in sorted(found, key=lambda d: -d.score):
+    for detection in found:
         pixels = detection.pixels(*shape)
         if not pixels.any():
             continue
         for mask, of_thing in things:
-            both = np.count_nonzero(pixels & mask)
-            smaller = min(np.count_nonzero(pixels), np.count_nonzero(mask))
             alike = any(d.object_id == detection.object_id for d in of_thing)
-            if not alike and both > overlap * smaller:
+            if not alike and are_nested(pixels, mask, overlap):
                 of_thing.append(detection)
                 break
         else:
@@ -145,6 +163,12 @@ def _score(object_id: int, thing: list[Detection], mistaken: float) -> float:
     """How likely a thing is this object; 0 where the network does not see it there."""
     own = next((d.score for d in thing if d.object_id == object_id), None)
     return 0.0 if own is None else own + mistaken * (thing[0].score - own)
+
+
+def are_nested(one: Mask, other: Mask, overlap: float) -> bool:
+    """Whether two masks share more than this of the smaller one's pixels."""
+    smaller = min(np.count_nonzero(one), np.count_nonzero(other))
+    return bool(np.count_nonzero(one & other) > overlap * smaller)
 
 
 def _shared(one: Mask, other: Mask) -> float:

@@ -187,6 +187,9 @@ def explain_image(
     observation = dataset.observation(*image)
     detections = match_detections(wanted, image, look_up(image), source)
     with PoseEstimator(library, config) as estimator:
+        if any(d.instead for d in detections):
+            first = estimator.estimate(observation, detections, surface_height)
+            detections = list(first.detections)
         start = time.monotonic()
         scene, hypotheses = estimator.hypotheses(
             observation, detections, surface_height

@@ -75,6 +75,12 @@ def test_what_lies_within_a_surer_thing_is_no_thing_of_its_own() -> None:
     assert assigned({2: 1}, whole, part) == [(2, 0)]
 
 
+def test_a_detection_knows_where_else_its_object_is_seen() -> None:
+    others = seen(1, 0.2, 40), seen(1, 0.3, 60), seen(1, 0.02, 20), seen(2, 0.4, 20)
+    (found,) = assign_detections([seen(1, 0.9, 0), *others], {1: 1}, SHAPE)
+    assert [d.score for d in found.instead] == [0.3, 0.2]
+
+
 def test_nothing_is_assigned_where_nothing_is_seen() -> None:
     assert assigned({1: 2, 2: 1}) == []
     assert assigned({}, seen(1, 0.9, 0)) == []
