@@ -153,9 +153,16 @@ def boxes_only(look_up: DetectionLookup) -> DetectionLookup:
     """The same detections without their masks."""
 
     def without_masks(image: ImageId) -> list[Detection]:
-        return [replace(d, mask=None) if d.seen else d for d in look_up(image)]
+        return [_without_mask(d) for d in look_up(image)]
 
     return without_masks
+
+
+def _without_mask(detection: Detection) -> Detection:
+    instead = tuple(replace(d, mask=None) for d in detection.instead)
+    if detection.seen:
+        return replace(detection, mask=None, instead=instead)
+    return replace(detection, instead=instead)
 
 
 def _check_default(own: Path) -> None:
@@ -223,8 +230,9 @@ def match_detections(
                 "add one, or remove the target",
             )
         seen = sorted((d for d in same if d.seen), key=lambda d: -d.score)
-        unseen = [d for d in same if not d.seen][:1]
-        matched += [*seen, *unseen * (target.count - len(seen))][: target.count]
+        unseen = [d for d in same if not d.seen]
+        missing = target.count - len(seen)
+        matched += [*seen, *(unseen + unseen[-1:] * missing)][: target.count]
     return matched
 
 

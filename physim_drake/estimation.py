@@ -93,7 +93,8 @@ class PoseEstimator(Closing):
             other = self._estimate(observation, rival, surface_height, None)
             for stage, seconds in other.stages.items():
                 stages[stage] = stages.get(stage, 0.0) + seconds
-            best = max(best, other, key=_confirmed)
+            if self._confirms(other, detections):
+                best = max(best, other, key=_explained)
         return replace(best, stages=stages)
 
     def _estimate(
@@ -145,6 +146,15 @@ class PoseEstimator(Closing):
             clock.stages,
             tuple(search.trace),
             tuple(detections),
+        )
+
+    def _confirms(
+        self, estimate: SceneEstimate, detections: Sequence[Detection]
+    ) -> bool:
+        """Whether it is sure of all objects that the detector did not see."""
+        return all(
+            d.seen or not o.found or o.confidence >= self._config.confirmed
+            for d, o in zip(detections, estimate.objects, strict=True)
         )
 
     def _settled(self, estimate: SceneEstimate) -> bool:
@@ -297,7 +307,7 @@ def estimate_scene(
         return estimator.estimate(observation, detections, surface_height)
 
 
-def _confirmed(estimate: SceneEstimate) -> float:
+def _explained(estimate: SceneEstimate) -> float:
     """How much of the estimate the image confirms, in objects."""
     return sum(o.confidence for o in estimate.objects)
 

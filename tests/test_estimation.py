@@ -307,3 +307,21 @@ def test_what_a_detector_takes_for_each_other_is_exchanged() -> None:
     )
     np.testing.assert_array_equal(errors(made, mended), X_CO)
     assert mended.detections == (first, second)
+
+
+def test_an_object_that_is_not_seen_must_be_confirmed_where_it_is_tried() -> None:
+    made = apart()
+    first, second = made.detections
+    height, width = made.observation.depth.shape
+
+    def found(object_id: int) -> list[bool]:
+        """Whether an object is found where the second is, if only tried there."""
+        place = replace(second, object_id=object_id, score=0.2)
+        missed = replace(Detection.unseen(object_id, height, width), instead=(place,))
+        result = estimate_scene(
+            made.observation, small_library(), (first, missed), quick()
+        )
+        return [o.found for o in result.objects]
+
+    assert found(second.object_id) == [True, True]
+    assert found(BOOK) == [True, False]

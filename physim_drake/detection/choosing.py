@@ -75,11 +75,13 @@ class AssignmentConfig:
         mistaken: how likely a thing is another object than the network is surest of,
             where it sees that one in it, too: this share of what it is surer by.
         unseen: how likely it is that an object is not seen.
+        something: with this score of any object, a thing may be one that is not seen.
     """
 
     overlap: float = 0.6
     mistaken: float = 0.2
     unseen: float = 0.05
+    something: float = 0.5
 
 
 def assign_detections(
@@ -101,8 +103,9 @@ def assign_detections(
         config: what is likely.
 
     Returns:
-        one for each that is seen, in the order of `counts`, with the others that the
-        network makes of the same object (`instead`).
+        one for each in the order of `counts`. Its `instead` is what else the network
+        detects of the same object; of one that is not seen (`Detection.unseen`), the
+        things that are none of the others.
     """
     found = sorted(found, key=lambda d: -d.score)
     things = _things(found, shape, config.overlap)
@@ -111,13 +114,22 @@ def assign_detections(
     scores = [[_score(i, thing, config.mistaken) for thing in things] for i in wanted]
     with np.errstate(divide="ignore"):
         cost[:, : len(things)] = -np.log(np.reshape(scores, (len(wanted), len(things))))
-    rows, columns = linear_sum_assignment(cost)
-    chosen = [
-        replace(things[k][0], object_id=wanted[n], score=scores[n][k])
-        for n, k in zip(rows, columns, strict=True)
-        if k < len(things)
+    _, columns = linear_sum_assignment(cost)
+    left = [
+        replace(thing[0], score=config.mistaken * thing[0].score)
+        for k, thing in enumerate(things)
+        if k not in columns and thing[0].score >= config.something
     ]
-    return tuple(replace(d, instead=_instead(d, found, shape, config)) for d in chosen)
+    assigned = []
+    for object_id, k, score in zip(wanted, columns, scores, strict=True):
+        if k < len(things):
+            chosen = replace(things[k][0], object_id=object_id, score=score[k])
+            instead = _instead(chosen, found, shape, config)
+        else:
+            chosen = Detection.unseen(object_id, *shape)
+            instead = tuple(replace(d, object_id=object_id) for d in left)
+        assigned.append(replace(chosen, instead=instead))
+    return tuple(assigned)
 
 
 def _instead(

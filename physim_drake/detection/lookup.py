@@ -26,8 +26,8 @@ def network_lookup(
     """Detections that a network makes when they are looked up.
 
     Where the targets say what an image shows, each of them gets the detection that is
-    most likely its own (see `assign_detections`). After those seen comes, for each
-    object, `Detection.unseen`: for instances that the network does not see.
+    most likely its own; see `assign_detections`. After those comes, for each object
+    that no target names, `Detection.unseen`.
 
     Args:
         dataset: the images.
@@ -68,7 +68,8 @@ def network_lookup(
         counts = {t.object_id: t.count for t in shown if (t.scene_id, t.im_id) == image}
         if counts:
             found = assign_detections(found, counts, (height, width))
-        seen = [d for d in found if d.object_id in wanted]
-        return [*seen, *(Detection.unseen(i, height, width) for i in wanted)]
+        known = [d for d in found if d.object_id in wanted]
+        rest = [i for i in wanted if i not in counts]
+        return [*known, *(Detection.unseen(i, height, width) for i in rest)]
 
     return look_up, str(weights.resolve())

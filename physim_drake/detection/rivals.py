@@ -2,8 +2,8 @@
 """Other places for objects that a network is not sure of.
 
 In the dark, or where little of a thing shows, a network may take two things for each
-other. It sees the right places, too, but with less score; which is right, the depth
-image tells better.
+other, or one for something else. Where they are it sees all the same, if with less
+score; which is which, the depth image tells better.
 """
 
 from __future__ import annotations

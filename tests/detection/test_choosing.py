@@ -53,7 +53,7 @@ def test_detections_may_be_boxes() -> None:
 
 def assigned(counts: dict[int, int], *found: Detection) -> list[tuple[int, float]]:
     result = assign_detections(found, counts, SHAPE)
-    return [(d.object_id, float(d.box[0])) for d in result]
+    return [(d.object_id, float(d.box[0])) for d in result if d.seen]
 
 
 def test_a_thing_goes_to_the_object_that_has_no_better() -> None:
@@ -79,6 +79,16 @@ def test_a_detection_knows_where_else_its_object_is_seen() -> None:
     others = seen(1, 0.2, 40), seen(1, 0.3, 60), seen(1, 0.02, 20), seen(2, 0.4, 20)
     (found,) = assign_detections([seen(1, 0.9, 0), *others], {1: 1}, SHAPE)
     assert [d.score for d in found.instead] == [0.3, 0.2]
+
+
+def test_what_is_not_seen_may_be_a_thing_that_nobody_claims() -> None:
+    things = seen(1, 0.9, 0), seen(3, 0.8, 40), seen(4, 0.3, 60)
+    first, missed = assign_detections(things, {1: 1, 2: 1}, SHAPE)
+    assert first.instead == ()
+    assert not missed.seen
+    (place,) = missed.instead
+    assert (place.object_id, place.box[0]) == (2, 40)
+    assert 0 < place.score < 0.5
 
 
 def test_nothing_is_assigned_where_nothing_is_seen() -> None:
