@@ -202,7 +202,11 @@ class SceneSearch:
         self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int
     ) -> SearchResult:
         def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
-            return self._pool.map("rollout", [(rollout,) for rollout in rollouts])
+            # The longest first, so that no worker waits long for another's last one.
+            longest = sorted(enumerate(rollouts), key=lambda item: -len(item[1].steps))
+            results = self._pool.map("rollout", [(rollout,) for _, rollout in longest])
+            by_number = {n: r for (n, _), r in zip(longest, results, strict=True)}
+            return [by_number[n] for n in range(len(rollouts))]
 
         config = self._config.search
         if number > 0:  # what is doubtful is worth all expansions
