@@ -47,10 +47,12 @@ class RolloutResult:
     Attributes:
         poses: X_SO of each added object after alignment and settling.
         score: C of the final state.
+        intruding: how many of its pixels stand before what the camera saw.
     """
 
     poses: tuple[Array, ...]
     score: int
+    intruding: int = 0
 
 
 class SceneExpander:
@@ -82,8 +84,12 @@ class SceneExpander:
         placed = dict(rollout.placed)
         for index, X_SO in rollout.steps:
             placed[index] = self.expand(placed, index, X_SO)
-        score = self.renderer.score(self.renderer.image(placed))
-        return RolloutResult(tuple(placed[index] for index, _ in rollout.steps), score)
+        image = self.renderer.image(placed)
+        return RolloutResult(
+            tuple(placed[index] for index, _ in rollout.steps),
+            self.renderer.score(image),
+            self.renderer.intruding(image),
+        )
 
     def expand(self, placed: Placement, index: int, X_SO: Array) -> Array:
         """The pose an object takes, from a hypothesis, among those placed.

@@ -76,6 +76,7 @@ class StateRenderer:
         self._renderer = renderer
         self._remembered = remembered
         self._observed = np.ascontiguousarray(scene.observed)
+        self._depth = np.ascontiguousarray(scene.depth)
         self._windows: OrderedDict[tuple[int, bytes], DepthWindow] = OrderedDict()
 
     def object_window(self, index: int, X_SO: Array) -> DepthWindow:
@@ -111,6 +112,10 @@ class StateRenderer:
     def score(self, image: DepthImage) -> int:
         """The paper's C: pixels whose rendered and observed depth agree."""
         return int(_agreeing(image, self._observed, self._epsilon))
+
+    def intruding(self, image: DepthImage) -> int:
+        """Pixels drawn before what the camera saw there, where nothing can be."""
+        return int(_before(image, self._depth, self._epsilon))
 
     def gain(self, parent: DepthImage, index: int, X_SO: Array) -> int:
         """By how much the score rises when an object is added to an image."""
@@ -153,6 +158,16 @@ def _agreeing(image: DepthImage, observed: DepthImage, epsilon: float) -> int:
         for j in range(image.shape[1]):
             drawn, seen = image[i, j], observed[i, j]
             count += (drawn > 0) & (seen > 0) & (abs(drawn - seen) < epsilon)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _before(image: DepthImage, depth: DepthImage, epsilon: float) -> int:
+    """How many pixels are drawn nearer than what was measured there."""
+    count = 0
+    for i in range(image.shape[0]):
+        for j in range(image.shape[1]):
+            count += (image[i, j] > 0) & (image[i, j] < depth[i, j] - epsilon)
     return count
 
 

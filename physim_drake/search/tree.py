@@ -36,7 +36,10 @@ class SearchConfig:
         exploration: the UCB constant alpha, in pixels.
         rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
         round_size: rollouts selected before any of them is scored.
-        kept_states: complete states handed on to refinement.
+        kept_states: complete states handed on to refinement, those with the highest C;
+            and one more if it is none of them: the highest C less the pixels that are
+            drawn before what the camera saw, since C is no less where half an object
+            stands in the air.
     """
 
     expansions: int = 250
@@ -86,7 +89,8 @@ class SearchResult:
 
     Attributes:
         order: indices of the objects, in the order they were placed.
-        states: the best complete states, best first; empty if none was scored.
+        states: the best complete states (see `kept_states`), best first; empty if none
+            was scored.
         trace: the anytime curve, a point each time the best score rose.
         expansions: how many were made.
     """
@@ -132,6 +136,7 @@ class GroupSearch:
         self._run, self._clock, self._start = run, clock, clock()
         self._poses: dict[Path, Array] = {}
         self._scores: dict[Path, int] = {}
+        self._clear: dict[Path, int] = {}
         self._trace: list[TracePoint] = []
         self._best = -1
         self._risen = 0  # expansions when the best score last rose
@@ -164,6 +169,7 @@ class GroupSearch:
             for n, X_SO in enumerate(result.poses):
                 self._poses[path[: known + n + 1]] = X_SO
             self._scores[path] = result.score
+            self._clear[path] = result.score - result.intruding
             if result.score > self._best:
                 self._best, self._risen = result.score, self.expansions
                 self._record(path)
@@ -171,14 +177,14 @@ class GroupSearch:
 
     def result(self) -> SearchResult:
         """The best distinct states and the trace."""
-        ranked = sorted(self._scores.items(), key=lambda item: (-item[1], item[0]))
+        by_score = sorted(self._scores, key=lambda path: (-self._scores[path], path))
+        clear = max(self._clear, key=lambda path: self._clear[path], default=None)
         states: list[ScoredState] = []
-        for path, score in ranked:
-            poses = self._path_poses(path)
-            if all(_distinct(poses, state.poses) for state in states):
-                states.append(ScoredState(path, poses, score))
-            if len(states) == self.config.kept_states:
-                break
+        for path in by_score:
+            if len(states) < self.config.kept_states or path == clear:
+                state = ScoredState(path, self._path_poses(path), self._scores[path])
+                if all(_distinct(state.poses, other.poses) for other in states):
+                    states.append(state)
         return SearchResult(
             self.order, tuple(states), tuple(self._trace), self.expansions
         )

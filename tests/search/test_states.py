@@ -94,6 +94,16 @@ def test_the_score_counts_agreeing_pixels_of_the_foreground() -> None:
     assert renderer.score(renderer.image({})) == 0
 
 
+def test_what_is_drawn_before_what_was_measured_intrudes() -> None:
+    renderer, _ = make_renderer()
+    depth = make_scene().depth
+    assert renderer.intruding(depth) == 0
+    assert renderer.intruding(np.maximum(depth - 0.009, 0)) == 0
+    nearer = np.where(depth > 0, depth - 0.02, 0).astype(np.float32)
+    assert renderer.intruding(nearer) == np.count_nonzero(depth)
+    assert renderer.intruding(depth + np.float32(0.02)) == 0
+
+
 def test_nothing_drawn_where_nothing_is_seen_is_no_agreement() -> None:
     renderer, _ = make_renderer()
     assert renderer.score(np.zeros_like(OBSERVED)) == 0

@@ -290,3 +290,18 @@ def test_a_group_of_one() -> None:
     result = monte_carlo_tree_search(search, np.random.default_rng(0))
     assert result.expansions == COUNTS[0]
     assert result.states[0].hypotheses == (5,)
+
+
+def test_the_state_that_stands_least_in_the_air_is_kept_too() -> None:
+    def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+        """The farther an object is, the more agrees, and all but the first intrudes."""
+        results = []
+        for r in rollouts:
+            k = round(100 * r.steps[0][1][0, 3])
+            results.append(RolloutResult((r.steps[0][1],), 100 + k, 50 if k else 0))
+        return results
+
+    config = SearchConfig(expansions=100, kept_states=2)
+    search = GroupSearch((3,), hypotheses()[:1], run, config)
+    result = monte_carlo_tree_search(search, np.random.default_rng(0))
+    assert [state.hypotheses for state in result.states] == [(5,), (4,), (0,)]
