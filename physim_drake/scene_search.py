@@ -111,7 +111,7 @@ class SceneSearch:
         An object that the image does not confirm gets new hypotheses, from those of
         its points that better confirmed objects do not explain, and the group is
         searched again with these, best confirmed objects first; the confirmed ones
-        keep their poses.
+        keep their poses. That ends where it gains nothing.
         """
         best: dict[int, Array] = {}
         best_cost = math.inf
@@ -128,11 +128,12 @@ class SceneSearch:
             self._clock.lap("refinement")
             tried += refined
             state, cost = self._turned_over(*self._most_plausible(refined), tried)
+            gained = cost < best_cost * (1 - self._config.tie)
             if cost < best_cost:
                 best, best_cost = state, cost
             confidence = self._pool.map("confidences", [(best,)])[0]
             doubtful = [k for k in order if confidence[k] < self._config.confirmed]
-            if not doubtful or number + 1 == self._config.rounds:
+            if not (doubtful and gained) or number + 1 == self._config.rounds:
                 break
             order = sorted(order, key=lambda k: -confidence[k])
             hypotheses = self._renewed(order, doubtful, best, confidence, number + 1)
