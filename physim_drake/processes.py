@@ -187,10 +187,12 @@ class SupervisedPool(Closing):
         call.deaths.append(process.autopsy())
         name, times = call.method or "setup", len(call.deaths)
         if times > self._config.retries:
+            hint = "see whether memory runs out, and what they said above"
+            if not call.method:  # a script without that starts them again in each
+                hint += "; a script starts workers below `if __name__ == '__main__':`"
             raise PhysimError(
                 f"{name} was given up after {times} worker processes ended in it: "
-                f"{'; '.join(call.deaths)}; see whether memory runs out, and what they "
-                "said above"
+                f"{'; '.join(call.deaths)}; {hint}"
             )
         logging.getLogger(__name__).warning(
             "a worker process ended in %s: %s; that is done again",
