@@ -111,7 +111,8 @@ class SceneSearch:
         An object that the image does not confirm gets new hypotheses, from those of
         its points that better confirmed objects do not explain, and the group is
         searched again with these, best confirmed objects first; the confirmed ones
-        keep their poses. That ends where it gains nothing.
+        keep their poses. That ends where it gains nothing, unless an object is as good
+        as lost.
         """
         best: dict[int, Array] = {}
         best_cost = math.inf
@@ -133,7 +134,9 @@ class SceneSearch:
                 best, best_cost = state, cost
             confidence = self._pool.map("confidences", [(best,)])[0]
             doubtful = [k for k in order if confidence[k] < self._config.confirmed]
-            if not (doubtful and gained) or number + 1 == self._config.rounds:
+            lost = [k for k in doubtful if confidence[k] < self._config.trusted]
+            worth_it = lost or (doubtful and gained)
+            if not worth_it or number + 1 == self._config.rounds:
                 break
             order = sorted(order, key=lambda k: -confidence[k])
             hypotheses = self._renewed(order, doubtful, best, confidence, number + 1)
