@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import json
 import math
-import resource
+import multiprocessing
+import os
 import statistics
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
-from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -96,9 +96,11 @@ def main(
         "objects": len(detections),
         **_stages(library, observation, detections, repeats),
     }
+    worker_memory = 0.0
     for count in processes:
         config = replace(config, workers=count)
-        runs, _ = _runs(library, config, observation, detections, repeats)
+        runs, memory = _runs(library, config, observation, detections, repeats)
+        worker_memory = max(worker_memory, memory)
         stages |= {f"{name}_{count}w": x for name, x in _image_figures(runs).items()}
     table = Table("figure", "median", title=f"{dataset.name} {chosen[0]}/{chosen[1]}")
     for name, value in stages.items():
@@ -114,23 +116,20 @@ def main(
         for count in processes:
             config = replace(config, workers=count)
             rows.append(_scene_row(kind, scene, everything, config, repeats))
+            worker_memory = max(worker_memory, rows[-1]["worker_memory_mb"])
     if rows:
         console.print(_scene_table(rows))
-    memory = {
-        "main_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "worker_memory_mb": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-        / 1024,
-    }
+    main_memory = _peak_memory(os.getpid())
     console.print(
-        f"peak memory: main {memory['main_memory_mb']:.0f} MB, "
-        f"a worker {memory['worker_memory_mb']:.0f} MB"
+        f"peak memory: main {main_memory:.0f} MB, a worker {worker_memory:.0f} MB"
     )
     if json_file:
         report = {
             "search": search,
             "repeats": repeats,
             **stages,
-            **memory,
+            "main_memory_mb": main_memory,
+            "worker_memory_mb": worker_memory,
             "scenes": rows,
         }
         json_file.write_text(json.dumps(report, indent=1) + "\n")
@@ -188,11 +187,19 @@ def _runs(
     detections: Sequence[Detection],
     repeats: int,
 ) -> tuple[list[SceneEstimate], float]:
-    """Estimates of one image by warm workers, and the seconds of the first one."""
+    """Estimates of one image by warm workers, and the most memory of one, MB."""
     with PoseEstimator(library, config) as estimator:
-        first = estimator.estimate(observation, detections)
+        estimator.estimate(observation, detections)
         runs = [estimator.estimate(observation, detections) for _ in range(repeats)]
-    return runs, first.seconds
+        workers = multiprocessing.active_children()
+        return runs, max((_peak_memory(w.pid) for w in workers), default=0.0)
+
+
+def _peak_memory(pid: int | None) -> float:
+    """Of a process, MB. What the kernel tells of children counts their parent's."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    (line,) = (x for x in status.splitlines() if x.startswith("VmHWM:"))
+    return int(line.split()[1]) / 1024
 
 
 def _image_figures(runs: Sequence[SceneEstimate]) -> dict[str, float]:
@@ -209,27 +216,35 @@ def _draw_scene(
     """A pile; or objects apart, from the seeds on that part them best in the image.
 
     Objects that stand apart may still overlap in the image, and are then searched
-    together. So there are half as many more, and one of each group is looked for; of
-    those seeds, the one with most groups.
+    together. So there are half as many more, and as many are looked for as overlap
+    none of the others; of those seeds, the one with most.
     """
     if kind == "pile":
         return observed_scene(library, number, seed, (number, number))
-    best, most = None, 0
+    best: ObservedScene | None = None
     for n in range(_SEEDS):
         placed = number + number // 2
         scene = observed_scene(library, 1, seed + n, (placed, placed))
-        surface = find_support_surface(scene.observation, scene.detections)
-        prepared = prepare_scene(scene.observation, surface, scene.detections)
-        groups = dependency_graph(prepared.segments, prepared.X_CS).components
-        if len(groups) > most:
-            # The others of a group only where there are too few groups.
-            order = [k for members in zip_longest(*groups) for k in members]
-            wanted = [k for k in order if k is not None][:number]
-            best, most = _part(scene, wanted), len(groups)
-        if most >= number:
+        wanted = _independent(scene)[:number]
+        if best is None or len(wanted) > len(best.detections):
+            best = _part(scene, wanted)
+        if len(wanted) == number:
             break
-    assert best is not None, "every scene has a group"
+    assert best is not None, "there are seeds"
     return best
+
+
+def _independent(scene: ObservedScene) -> list[int]:
+    """Objects of a scene of which each is searched alone, the least hidden first."""
+    surface = find_support_surface(scene.observation, scene.detections)
+    prepared = prepare_scene(scene.observation, surface, scene.detections)
+    found: list[int] = []
+    shown = [truth.visible_fraction or 0.0 for truth in scene.ground_truth]
+    for k in np.argsort(-np.array(shown), kind="stable").tolist():
+        pairs = ([prepared.segments[k], prepared.segments[j]] for j in found)
+        if all(len(dependency_graph(p, prepared.X_CS).components) == 2 for p in pairs):
+            found.append(k)
+    return found
 
 
 def _part(scene: ObservedScene, wanted: Sequence[int]) -> ObservedScene:
@@ -253,7 +268,7 @@ def _scene_row(
     A missing object counts as 60 degrees and 1 m off.
     """
     number = len(scene.detections)
-    runs, first = _runs(library, config, scene.observation, scene.detections, repeats)
+    runs, memory = _runs(library, config, scene.observation, scene.detections, repeats)
     compared = compare_poses(runs[0], scene.ground_truth, library)
     degrees = [
         _MISSING[0] if c.rotation_deg is None else c.rotation_deg for c in compared
@@ -268,7 +283,7 @@ def _scene_row(
         "groups": len({frozenset(trace.indices) for trace in runs[0].trace}),
         "threes_s": _threes(kind, scene, library, config, repeats),
         **_image_figures(runs),
-        "first_s": first,
+        "worker_memory_mb": memory,
         "rotation_median_deg": statistics.median(degrees),
         "translation_median_mm": 1000 * statistics.median(metres),
         "within_5deg_1cm": sum(c.within(5.0, 0.01) for c in compared) / number,
