@@ -25,13 +25,14 @@ PAGES = [
 
 NOT_RUN = re.compile(r"# not run by the tests: (\S.+)\n")
 
+_SMALL = ["--expansions", "4", "--hypotheses", "3", "--workers", "1"]
 SHORTER = {
     "estimate": ["--method", "pca-icp", "--workers", "1"],
     "evaluate": [],
-    "explain": ["--expansions", "4", "--hypotheses", "3", "--workers", "1"],
+    "explain": _SMALL,
     "generate": ["--scenes", "1", "--objects", "1:1", "--levels", "1"],
     "models": [],
-    "report": ["--methods", "pca-icp", "--workers", "1"],
+    "report": ["--methods", "physim-heuristic", *_SMALL],
 }
 """Options that make a command quick; the last of two alike counts."""
 
