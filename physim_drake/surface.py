@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physim_drake.errors import InputError
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation import Detection, Mask, RgbdObservation
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 
 _ITERATIONS = 1500
@@ -24,6 +24,7 @@ _MAX_TILT = np.radians(30.0)
 _MAX_BELOW = 0.1  # of the detections' points
 _OBJECT_HEIGHT = 0.3  # m; planes that the objects are farther above count for less
 _MIN_SUPPORT = 50
+_BEHIND = 0.1  # m; what lies farther behind the middle of a box is not its object
 
 
 @dataclass(frozen=True)
@@ -123,9 +124,20 @@ def _cloud_near(
         rows = slice(max(int(top - grow), 0), max(int(bottom + grow), 0))
         columns = slice(max(int(left - grow), 0), max(int(right + grow), 0))
         near[rows, columns] = True
-        inside |= detection.pixels(*shape)
+        inside |= _foreground(detection, observation.depth, valid)
     cloud = observation.intrinsics.unproject(observation.depth)
     return cloud[valid & (near if detections else True)], cloud[valid & inside]
+
+
+def _foreground(detection: Detection, depth: Array, valid: Mask) -> Mask:
+    """The measured pixels of a detection, less what a box shows behind its object.
+
+    Beside the object a box may show the floor beyond the table's edge.
+    """
+    pixels = detection.pixels(*depth.shape) & valid
+    if detection.mask is not None or not pixels.any():
+        return pixels
+    return np.asarray(pixels & (depth < np.median(depth[pixels]) + _BEHIND))
 
 
 def _thinned(points: Array, count: int, generator: np.random.Generator) -> Array:

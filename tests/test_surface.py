@@ -53,12 +53,12 @@ def errors(surface: SupportSurface, X_WC: Array, height: float = 0.0) -> Array:
     return np.array([tilt, 1e3 * abs(X_WS[2, 3] - height)])
 
 
-def on_a_narrow_table(floor: float, wall: float) -> DepthImage:
-    """A table of 60 x 50 cm before a wall, over a floor at this height."""
+def on_a_narrow_table(floor: float, wall: float, far_edge: float = 0.25) -> DepthImage:
+    """A table of 60 x 50 cm, or less, before a wall, over a floor at this height."""
     image = np.zeros((CAMERA.height, CAMERA.width), dtype=np.float32)
     table = plane_depth(CAMERA, LOW_X_WC, [0.0, 0.0, 1.0], 0.0)
     p_W = transform_points(LOW_X_WC, CAMERA.unproject(table).reshape(-1, 3))
-    on_table = (np.abs(p_W[:, 0]) < 0.3) & (np.abs(p_W[:, 1]) < 0.25)
+    on_table = (np.abs(p_W[:, 0]) < 0.3) & (-0.25 < p_W[:, 1]) & (p_W[:, 1] < far_edge)
     table = np.where(on_table.reshape(table.shape), table, 0).astype(np.float32)
     for other in (
         table,
@@ -98,6 +98,18 @@ def test_neither_the_floor_nor_the_wall_is_the_table(known_pose: bool) -> None:
     if not known_pose:
         observation = replace(observation, X_WC=None)
     surface = find_support_surface(observation, made.detections)
+    assert (errors(surface, LOW_X_WC) < [0.4, 2.0]).all()
+
+
+def test_a_box_may_show_the_floor_behind_the_table() -> None:
+    background = on_a_narrow_table(floor=-0.75, wall=3.0, far_edge=0.08)
+    tall = [(COFFEE, resting(COFFEE, turned("x", 90), 0.0, 0.02))]
+    made = synthesize(tall, X_WC=LOW_X_WC, table=background)
+    (detection,) = made.detections
+    wider = detection.box + [-25.0, 0.0, 25.0, 0.0]
+    surface = find_support_surface(
+        replace(made.observation, X_WC=None), [replace(detection, box=wider)]
+    )
     assert (errors(surface, LOW_X_WC) < [0.4, 2.0]).all()
 
 
