@@ -113,7 +113,16 @@ def detection_lookup(
         return trained_lookup(dataset, weights, targets)
     if file is None and not own.exists():
         _check_default(own)
-        return trained_lookup(dataset, None, targets)
+        try:
+            return trained_lookup(dataset, None, targets)
+        except InputError as error:
+            raise InputError(
+                own,
+                f"does not exist, and the network of the package cannot stand in: "
+                f"{error.source}: {error.problem}",
+                "give boxes in this file or with --detections FILE, --weights of a "
+                "network that was trained with these models, or --masks",
+            ) from error
     path = file or own
     detections = load_detections(path, dataset)
     return lambda image: detections.get(image, []), str(path.resolve())

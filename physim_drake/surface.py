@@ -94,10 +94,13 @@ def find_support_surface(
     cloud, objects = _cloud_near(observation, detections)
     points = _thinned(cloud, 4000, generator)
     if len(points) < 100:
+        measured = observation.depth[observation.depth > 0]
+        far = f"{np.median(measured):.3g} m" if len(measured) else "nothing"
         raise InputError(
             observation.name,
-            f"only {len(points)} depth points near the objects",
-            "check the detections and the depth image",
+            f"only {len(points)} depth points near the objects that are less than "
+            f"{_MAX_RANGE:g} m away; the whole image shows {far} (median)",
+            "check the detections, the depth image and its unit (depth_scale)",
             "surface",
         )
     up_C = None if observation.X_WC is None else observation.X_WC[:3, :3].T[:, 2]
