@@ -58,7 +58,7 @@ def on_a_narrow_table(floor: float, wall: float, far_edge: float = 0.25) -> Dept
     image = np.zeros((CAMERA.height, CAMERA.width), dtype=np.float32)
     table = plane_depth(CAMERA, LOW_X_WC, [0.0, 0.0, 1.0], 0.0)
     p_W = transform_points(LOW_X_WC, CAMERA.unproject(table).reshape(-1, 3))
-    on_table = (np.abs(p_W[:, 0]) < 0.3) & (-0.25 < p_W[:, 1]) & (p_W[:, 1] < far_edge)
+    on_table = (np.abs(p_W[:, 0]) < 0.3) & (p_W[:, 1] > -0.25) & (p_W[:, 1] < far_edge)
     table = np.where(on_table.reshape(table.shape), table, 0).astype(np.float32)
     for other in (
         table,
@@ -106,7 +106,7 @@ def test_a_box_may_show_the_floor_behind_the_table() -> None:
     tall = [(COFFEE, resting(COFFEE, turned("x", 90), 0.0, 0.02))]
     made = synthesize(tall, X_WC=LOW_X_WC, table=background)
     (detection,) = made.detections
-    wider = detection.box + [-25.0, 0.0, 25.0, 0.0]
+    wider = detection.box + np.array([-25.0, 0.0, 25.0, 0.0])
     surface = find_support_surface(
         replace(made.observation, X_WC=None), [replace(detection, box=wider)]
     )
