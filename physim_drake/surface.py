@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from physim_drake.camera import DepthImage
 from physim_drake.errors import InputError
 from physim_drake.observation import Detection, Mask, RgbdObservation
 from physim_drake.poses import Array, inverse, make_pose, transform_points
@@ -132,7 +133,7 @@ def _cloud_near(
     return cloud[valid & (near if detections else True)], cloud[valid & inside]
 
 
-def _foreground(detection: Detection, depth: Array, valid: Mask) -> Mask:
+def _foreground(detection: Detection, depth: DepthImage, valid: Mask) -> Mask:
     """The measured pixels of a detection, less what a box shows behind its object.
 
     Beside the object a box may show the floor beyond the table's edge.
