@@ -14,12 +14,13 @@ import numpy as np
 
 from physim_drake.objects import ObjectModel
 from physim_drake.physics.depenetration import depenetrate
-from physim_drake.physics.settling import Settler
+from physim_drake.physics.settling import Settled, Settler
 from physim_drake.poses import Array, rotation_angle
 from physim_drake.registration import trimmed_icp
 from physim_drake.registration_model import lookalike_turns, registration_model
 from physim_drake.rendering.windows import ObjectRenderer
 from physim_drake.scene import Scene
+from physim_drake.search.dependency import dependency_graph
 from physim_drake.search.states import (
     ExpansionConfig,
     Placement,
@@ -77,6 +78,12 @@ class SceneExpander:
         self.models = [models[object_id] for object_id in scene.object_ids]
         self.renderer = StateRenderer(scene, renderer, config.epsilon)
         self._settlers: dict[int, Settler] = {}
+        # Only those of a group ever settle together; others would fill the memory.
+        self._beside = {
+            k: sorted(set(group) - {k})
+            for group in dependency_graph(scene.segments, scene.X_CS).components
+            for k in group
+        }
         self._clouds = [self._thinned(k) for k in range(len(scene.segments))]
 
     def run(self, rollout: Rollout) -> RolloutResult:
@@ -106,9 +113,7 @@ class SceneExpander:
             aligned,
             [(self.models[k], X) for k, X in placed.items()],
         )
-        settled = self._settler(index).settle(
-            freed, {k - (k > index): X for k, X in placed.items()}
-        )
+        settled = self._settle(index, freed, placed)
         if settled.lost:
             return freed
         return self._supported(placed, index, freed, settled.X_SO)
@@ -137,8 +142,7 @@ class SceneExpander:
         """
         farthest = 0.0
         for index, X_SO in placed.items():
-            others = {k - (k > index): X for k, X in placed.items() if k != index}
-            settled = self._settler(index).settle(X_SO, others)
+            settled = self._settle(index, X_SO, placed)
             if settled.lost:
                 return math.inf
             shift = float(np.linalg.norm(settled.X_SO[:3, 3] - X_SO[:3, 3]))
@@ -172,13 +176,21 @@ class SceneExpander:
         keep = gains[1] >= gains[0] - self._config.settle_loss * abs(gains[0])
         return settled if keep else freed
 
-    def _settler(self, index: int) -> Settler:
+    def _settle(self, index: int, X_SO: Array, placed: Placement) -> Settled:
+        """Where an object comes to rest among the others that are placed."""
+        others = {k: X for k, X in placed.items() if k != index}
+        if not others.keys() <= set(self._beside[index]):  # not asked for by a search
+            self._beside[index] = [k for k in range(len(self.models)) if k != index]
+            self._settlers.pop(index, None)
+        beside = self._beside[index]
         if index not in self._settlers:
-            others = [m for k, m in enumerate(self.models) if k != index]
+            models = [self.models[k] for k in beside]
             self._settlers[index] = Settler(
-                self.models[index], others, self._config.settle
+                self.models[index], models, self._config.settle
             )
-        return self._settlers[index]
+        return self._settlers[index].settle(
+            X_SO, {beside.index(k): X for k, X in others.items()}
+        )
 
     def _thinned(self, index: int) -> tuple[Array, Array]:
         """Evenly spread points of a segment, few enough to align quickly."""
