@@ -267,6 +267,7 @@ def estimate_images(
     read: deque[tuple[ImageId, RgbdObservation, float]] = deque()
 
     def requests() -> Iterator[Request]:
+        """Reads the images, as the estimator asks for them."""
         for image in images:
             start = time.monotonic()
             observation = dataset.observation(*image)

@@ -206,6 +206,7 @@ class SceneSearch:
         self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int
     ) -> SearchResult:
         def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+            """The results, in the order of the rollouts."""
             # The longest first, so that no worker waits long for another's last one.
             longest = sorted(enumerate(rollouts), key=lambda item: -len(item[1].steps))
             results = self._pool.map("rollout", [(rollout,) for _, rollout in longest])

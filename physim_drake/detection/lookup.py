@@ -56,6 +56,7 @@ def network_lookup(
     wanted = names or {c.object_id: c.name for c in detector.classes}
 
     def look_up(image: ImageId) -> list[Detection]:
+        """The detections in an image, boxes in pixels; the network runs each time."""
         observation = dataset.observation(*image)
         if observation.color is None:
             raise InputError(

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from physim_drake.detection.choosing import are_nested
+from physim_drake.detection.choosing import AssignmentConfig, are_nested
 from physim_drake.observation import Detection
 
 
@@ -27,7 +27,7 @@ class RivalConfig:
     """
 
     unsure: float = 0.5
-    overlap: float = 0.6
+    overlap: float = AssignmentConfig.overlap
     most: int = 3
 
 

@@ -114,9 +114,7 @@ def test_start_weights_of_another_network(tmp_path: Path, models: Path):
     check_refused(result, "are weights of another backbone")
 
 
-def test_no_share_is_kept_of_weights_for_other_objects(
-    tmp_path: Path, models: Path, trained: Path
-):
+def test_no_share_is_kept_of_weights_for_other_objects(tmp_path: Path, trained: Path):
     start = ["--start", trained / "detector.safetensors", "--start-share", "0.5"]
     result = run(tmp_path / "out", "--models", APC11, *start, *SMALL)
     check_refused(result, "are weights for other objects")
