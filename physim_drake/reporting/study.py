@@ -41,7 +41,7 @@ class MethodRun:
     Attributes:
         method: which one.
         name: what to call it, and its detections where others have been given, too.
-        estimates: by image.
+        estimates: by image, without their detections.
         report: their errors.
         curve: the anytime curve: (expansions, mean rotation error in degrees, mean
             translation error in cm), (N, 3); empty for methods that do not search.
@@ -160,8 +160,10 @@ class Study:
                 for result in estimate_images(
                     self.dataset, todo, detections, estimator
                 ):
+                    # Masks are most of an estimate, and no figure needs them.
+                    estimate = replace(result.estimate, detections=())
                     outcome = ImageOutcome(
-                        result.estimate, boxes.pop(result.image), result.seconds
+                        estimate, boxes.pop(result.image), result.seconds
                     )
                     self.notes.add(part, result.image, outcome)
                     self.progress(part)

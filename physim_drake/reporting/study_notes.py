@@ -24,7 +24,7 @@ class ImageOutcome:
     """What a method made of an image.
 
     Attributes:
-        estimate: of it.
+        estimate: of it, without its detections.
         boxes: of the detections, in the estimate's order, (4,) each; see `Detection`.
         seconds: that it took, reading included.
     """

@@ -84,7 +84,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             X_CO = truth[d.object_id] if d.seen else None
             objects.append(ObjectEstimate(d.object_id, "", X_CO, X_CO, 0.9, ""))
         surface = SupportSurface(np.eye(4), np.eye(4))
-        return SceneEstimate(tuple(objects), surface, "true", {})
+        found = tuple(detections)
+        return SceneEstimate(tuple(objects), surface, "true", {}, (), found)
 
     quality = HypothesisQuality((), 1.0, 1, 1.0)
     monkeypatch.setattr(PoseEstimator, "estimate", estimate)
@@ -167,6 +168,11 @@ def test_a_report_that_was_cut_off_goes_on(
     }
     assert run(*THREE) == 0
     assert len(asked) == 3
+
+
+def test_what_is_kept_is_small_though_masks_are_large(run: Run, tmp_path: Path) -> None:
+    assert run("--methods", "pca-icp", "--masks") == 0
+    assert (tmp_path / "out" / "report.progress").stat().st_size < 10_000
 
 
 @pytest.mark.parametrize(
