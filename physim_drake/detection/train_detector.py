@@ -139,10 +139,8 @@ class DetectorTraining:
         log = TrainingLog(self._out, self._settings())
         network = self._network()
         first, share = self._first_weights(network), self._config.start_share
-        log.write()  # so that a run which is cut off now knows what it was
-        data = self._data()
+        images = self._images(self._data())
         test = BopDataset(self._generate(test=True))
-        images = self._images(data)
         labels = {c.object_id: k for k, c in enumerate(self._classes, start=1)}
         size = _sample_size(images, self._config.network.image_size)
         augmenter = Augmenter(
@@ -226,24 +224,14 @@ class DetectorTraining:
 
     def _pack(self, data: BopDataset, folder: Path) -> TrainingImages:
         total = len(data.images())
-        images = pack_images(
+        return pack_images(
             data,
             folder,
             round(self._config.network.image_size * _PACKED_SIDE),
             self._config.network.channels == 4,
             lambda done: self._progress("packed images", done, total, ""),
+            {c.object_id for c in self._classes},
         )
-        known = {c.object_id for c in self._classes}
-        shown = images.object_ids
-        if not shown:
-            raise InputError(data.root, "shows no object", "give images with masks")
-        if strangers := sorted(shown - known):
-            raise InputError(
-                data.root,
-                f"shows object {strangers[0]}, of which there is no model",
-                "give the models that belong to the data",
-            )
-        return images
 
     def _test(
         self, network: nn.Module, test: BopDataset, step: int, log: TrainingLog

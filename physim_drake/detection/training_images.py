@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from physim_drake.datasets.bop import BopDataset
+from physim_drake.camera import CameraIntrinsics
+from physim_drake.datasets.bop import BopDataset, ImageId
 from physim_drake.datasets.json_nodes import read_json
 from physim_drake.errors import InputError
 from physim_drake.files import cannot_write, make_folder
@@ -127,29 +128,39 @@ def pack_images(
     longer_side: int,
     depth: bool,
     progress: Progress = lambda done: None,
+    known: Collection[int] | None = None,
 ) -> TrainingImages:
     """Reduces the images of a dataset and writes them as arrays, unless they are there.
 
     Args:
         dataset: with visible masks, all its images of one size.
-        folder: where the arrays go.
+        folder: where the arrays go; those of other images are replaced.
         longer_side: of the reduced images, px.
         depth: whether depth is packed too.
         progress: is told how many images are done.
+        known: the objects that it may show, if not any.
 
     Raises:
-        InputError: where the dataset has no image, files in it cannot be used, or the
-            arrays cannot be written.
+        InputError: where the dataset has no image or shows no object or one that is not
+            known, files in it cannot be used, or the arrays cannot be written.
     """
-    if not (folder / _NOTES).exists():
-        images = dataset.images()
-        if not images:
-            raise InputError(dataset.root, "holds no image", "generate some")
+    origin = {
+        "dataset": str(dataset.root.resolve()),
+        "split": dataset.split,
+        "longer_side": longer_side,
+        "depth": depth,
+        "known": None if known is None else sorted(known),
+    }
+    if _origin(folder) != origin:
         scratch = folder.with_name(f".{folder.name}.tmp")
         shutil.rmtree(scratch, ignore_errors=True)
         make_folder(scratch)
         try:
-            _write(dataset, scratch, longer_side, depth, progress)
+            object_ids = _write(dataset, scratch, longer_side, depth, progress)
+            _check_objects(dataset, {i for ids in object_ids for i in ids}, known)
+            notes = {"origin": origin, "object_ids": object_ids}
+            (scratch / _NOTES).write_text(json.dumps(notes))
+            shutil.rmtree(folder, ignore_errors=True)
             scratch.rename(folder)
         except OSError as error:
             raise cannot_write(folder, error) from error
@@ -158,55 +169,81 @@ def pack_images(
     return TrainingImages(folder)
 
 
+def _origin(folder: Path) -> Any:
+    """What the arrays in a folder were made from; None where there are none."""
+    path = folder / _NOTES
+    origin = read_json(path).get("origin") if path.exists() else None
+    return None if origin is None else origin.value
+
+
+def _check_objects(
+    dataset: BopDataset, shown: set[int], known: Collection[int] | None
+) -> None:
+    if not shown:
+        raise InputError(dataset.root, "shows no object", "give images with masks")
+    if known is not None and (strangers := sorted(shown.difference(known))):
+        raise InputError(
+            dataset.root,
+            f"shows object {strangers[0]}, of which there is no model",
+            "give the models that belong to the data",
+        )
+
+
 def _write(
     dataset: BopDataset,
     folder: Path,
     longer_side: int,
     depth: bool,
     progress: Progress,
-) -> None:
+) -> list[list[int]]:
+    """Writes the arrays; returns the objects in each image."""
     images = dataset.images()
+    if not images:
+        raise InputError(dataset.root, "holds no image", "generate some")
     camera = dataset.intrinsics(*images[0])
     factor = min(longer_side / max(camera.width, camera.height), 1.0)
     size = (round(camera.width * factor), round(camera.height * factor))
     shape = (len(images), size[1], size[0])
+    kinds: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
+        "color": ((*shape, 3), np.uint8),
+        "labels": (shape, np.uint8),
+    }
+    if depth:
+        kinds["depth"] = (shape, np.uint16)
     object_ids = []
     with ExitStack() as stack:
-        color_file = stack.enter_context(
-            _array_file(folder / "color.npy", (*shape, 3), np.uint8)
-        )
-        labels_file = stack.enter_context(
-            _array_file(folder / "labels.npy", shape, np.uint8)
-        )
-        if depth:
-            depth_file = stack.enter_context(
-                _array_file(folder / "depth.npy", shape, np.uint16)
-            )
+        files = {
+            name: stack.enter_context(_array_file(folder / f"{name}.npy", *kind))
+            for name, kind in kinds.items()
+        }
         for n, image in enumerate(images):
-            observation, objects = dataset.observation(*image), dataset.masks(*image)
-            if observation.color is None or observation.depth.shape != (
-                camera.height,
-                camera.width,
-            ):
-                raise InputError(
-                    observation.name,
-                    "has no colour, or another size than the first image",
-                    "generate the data again",
-                )
-            color = cv2.resize(observation.color, size, interpolation=cv2.INTER_AREA)
-            color_file.write(color.tobytes())
-            labels_file.write(
-                _reduced(
-                    label_map(objects, shape=observation.depth.shape), size
-                ).tobytes()
-            )
-            if depth:
-                units = np.round(_reduced(observation.depth, size) / _DEPTH_UNIT)
-                units = np.minimum(units, np.iinfo(np.uint16).max)
-                depth_file.write(units.astype(np.uint16).tobytes())
-            object_ids.append([d.object_id for d in objects])
+            arrays, ids = _reduced_image(dataset, image, camera, size)
+            for name, file in files.items():
+                file.write(arrays[name].tobytes())
+            object_ids.append(ids)
             progress(n + 1)
-    (folder / _NOTES).write_text(json.dumps({"object_ids": object_ids}))
+    return object_ids
+
+
+def _reduced_image(
+    dataset: BopDataset, image: ImageId, camera: CameraIntrinsics, size: tuple[int, int]
+) -> tuple[dict[str, NDArray[Any]], list[int]]:
+    """The arrays of an image by name, and the objects in it."""
+    observation, objects = dataset.observation(*image), dataset.masks(*image)
+    shape = observation.depth.shape
+    if observation.color is None or shape != (camera.height, camera.width):
+        raise InputError(
+            observation.name,
+            "has no colour, or another size than the first image",
+            "generate the data again",
+        )
+    units = np.round(_reduced(observation.depth, size) / _DEPTH_UNIT)
+    arrays = {
+        "color": cv2.resize(observation.color, size, interpolation=cv2.INTER_AREA),
+        "labels": _reduced(label_map(objects, shape=shape), size),
+        "depth": np.minimum(units, np.iinfo(np.uint16).max).astype(np.uint16),
+    }
+    return arrays, [d.object_id for d in objects]
 
 
 @contextmanager

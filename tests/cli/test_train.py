@@ -83,20 +83,36 @@ def test_the_weights_can_be_used(trained: Path):
     assert names == ["crayola_24_ct", "expo_dry_erase_board_eraser"]
 
 
-def test_learning_on_from_two_datasets(trained: Path, models: Path, tmp_path: Path):
+def write_empty(root: Path) -> Path:
+    """Writes a dataset that shows no object."""
+    data = write_tiny(root)
+    for path in data.glob("test/*/mask_visib/*.png"):
+        path.write_bytes((data / "test/000003/rgb/000000.png").read_bytes())
+    (data / "test/000003/scene_gt.json").unlink()
+    (data / "test_targets_bop19.json").write_text("[]")
+    return data
+
+
+def test_learning_on_from_two_datasets_after_a_start_with_a_wrong_one(
+    trained: Path, models: Path, tmp_path: Path
+):
+    """Neither settings nor packed images of that start stand in the way."""
+    out, packed = tmp_path / "out", tmp_path / "out" / "packed"
     weights = trained / "detector.safetensors"
-    data = ["--data", trained / "data", "--data", trained / "test"]
-    result = run(
-        tmp_path / "out", "--models", models, *data, "--start", weights, *SMALL
-    )
+    start = [out, "--models", models, "--start", weights, *SMALL]
+    empty = write_empty(tmp_path / "empty")
+    result = run(*start, "--data", trained / "test", "--data", empty)
+    check_refused(result, "shows no object")
+    assert [path.name for path in packed.iterdir()] == ["1"]
+    data = [str((trained / name).resolve()) for name in ("data", "test")]
+    result = run(*start, "--data", data[0], "--data", data[1], "--resume")
     assert result.returncode == 0, result.stderr
-    log = json.loads((tmp_path / "out" / "training.json").read_text())
-    assert log["settings"]["data"] == [
-        str((trained / name).resolve()) for name in ("data", "test")
-    ]
-    assert not (tmp_path / "out" / "data").exists()
-    for number in "12":
-        assert (tmp_path / "out" / "packed" / number / "labels.npy").exists()
+    log = json.loads((out / "training.json").read_text())
+    assert log["settings"]["data"] == data
+    assert not (out / "data").exists()
+    for number, name in enumerate(data, start=1):
+        notes = json.loads((packed / str(number) / "images.json").read_text())
+        assert notes["origin"]["dataset"] == name
 
 
 def test_a_folder_in_use_is_kept(trained: Path, models: Path):
@@ -142,13 +158,10 @@ def test_an_empty_training_set(tmp_path: Path, models: Path):
 
 
 def test_a_training_set_that_shows_nothing(tmp_path: Path, models: Path):
-    data = write_tiny(tmp_path / "data")
-    for path in data.glob("test/*/mask_visib/*.png"):
-        path.write_bytes((data / "test/000003/rgb/000000.png").read_bytes())
-    (data / "test/000003/scene_gt.json").unlink()
-    (data / "test_targets_bop19.json").write_text("[]")
+    data = write_empty(tmp_path / "data")
     result = run(tmp_path / "out", "--models", models, "--data", data, *SMALL)
     check_refused(result, "shows no object")
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_a_full_disk(tmp_path: Path, models: Path):

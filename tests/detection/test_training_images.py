@@ -76,6 +76,27 @@ def test_images_are_packed_once(dataset: BopDataset, tmp_path: Path):
     assert told == [1, 2]
 
 
+def test_other_images_take_the_place_of_those_packed(
+    dataset: BopDataset, tmp_path: Path
+):
+    folder = tmp_path / "packed"
+    pack_images(dataset, folder, 6, depth=True)
+    assert pack_images(dataset, folder, WIDTH, depth=True).size == (HEIGHT, WIDTH)
+    assert pack_images(dataset, folder, WIDTH, depth=False)[0].depth is None
+    other = BopDataset(write_tiny(tmp_path / "other"))
+    (other.root / "test/000003/scene_camera.json").write_text(json.dumps({"7": CAMERA}))
+    assert len(pack_images(other, folder, WIDTH, depth=False)) == 1
+
+
+def test_an_object_that_is_not_known_leaves_nothing(
+    dataset: BopDataset, tmp_path: Path
+):
+    with pytest.raises(InputError, match="shows object 2, of which there is no model"):
+        pack_images(dataset, tmp_path / "packed", 6, False, known=[1])
+    assert [p.name for p in tmp_path.iterdir()] == ["tiny"]
+    assert len(pack_images(dataset, tmp_path / "packed", 6, False, known=[1, 2])) == 2
+
+
 def test_an_image_that_cannot_be_read_leaves_nothing(
     dataset: BopDataset, tmp_path: Path
 ):
