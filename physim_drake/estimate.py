@@ -109,6 +109,8 @@ class SceneEstimate:
         trace: the anytime curve of each independent group that was searched.
         detections: where each object was looked for: what was given, or where it has
             rivals, those by which more of the image is explained.
+        warning: what the input seems to have wrong as a whole, else empty; the reasons
+            of objects that were not found end with it.
     """
 
     objects: tuple[ObjectEstimate, ...]
@@ -117,17 +119,24 @@ class SceneEstimate:
     stages: Mapping[str, float]
     trace: tuple[SearchTrace, ...] = ()
     detections: tuple[Detection, ...] = ()
+    warning: str = ""
 
     @property
     def seconds(self) -> float:
         """Of all stages together."""
         return sum(self.stages.values())
 
+    def reason_alone(self, item: ObjectEstimate) -> str:
+        """Why one of its objects was not found, without the warning about all."""
+        return item.reason.removesuffix(f"; {self.warning}")
+
     def __str__(self) -> str:
         lines = [f"{self.method}, {self.seconds:.1f} s"]
+        if self.warning:
+            lines.append(f"  warning: {self.warning}")
         for o in self.objects:
             if o.X_WO is None:
-                lines.append(f"  {o.name}: not found ({o.reason})")
+                lines.append(f"  {o.name}: not found ({self.reason_alone(o)})")
                 continue
             rpy = RollPitchYaw(RotationMatrix(o.X_WO[:3, :3])).vector()
             lines.append(

@@ -10,8 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from physim_drake.apparent_size import error_with_warning, size_warning, with_warning
 from physim_drake.closing import Closing
 from physim_drake.detection.rivals import RivalConfig, rival_choices
+from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation_config import EstimationConfig, Method
 from physim_drake.hypotheses.generation import PoseHypotheses
@@ -139,7 +141,7 @@ class PoseEstimator(Closing):
             )
             for k in range(len(detections))
         )
-        return SceneEstimate(
+        estimate = SceneEstimate(
             objects,
             surface,
             str(self._config.method),
@@ -147,6 +149,8 @@ class PoseEstimator(Closing):
             tuple(search.trace),
             tuple(detections),
         )
+        warning = size_warning(observation, detections, self._library)
+        return with_warning(estimate, warning)
 
     def _confirms(
         self, estimate: SceneEstimate, detections: Sequence[Detection]
@@ -199,7 +203,11 @@ class PoseEstimator(Closing):
         if surface_height is None:
             generator = np.random.default_rng(self._config.seed)
             seen = [d for d in detections if d.seen]
-            surface = find_support_surface(observation, seen, generator)
+            try:
+                surface = find_support_surface(observation, seen, generator)
+            except InputError as error:
+                warning = size_warning(observation, seen, self._library)
+                raise error_with_warning(error, warning) from None
         else:
             surface = surface_at_height(observation, surface_height)
         self._prepared = key, surface, prepare_scene(observation, surface, detections)
@@ -234,7 +242,7 @@ class PoseEstimator(Closing):
                 X_SO,
                 segment.points,
                 segment.normals,
-                TrimmedIcpConfig(keep=0.9),
+                TrimmedIcpConfig(keep=0.9, soft=False, cutoff=0.02),
             )
             scores = lcp_scores(
                 field_O, aligned, segment.points, segment.normals, 0.005

@@ -94,10 +94,18 @@ class EstimateRun:
         """A table of the image on a terminal; elsewhere only what is not found."""
         if self._console.is_terminal:
             self._console.print(_table(result))
-        for item in result.estimate.objects:
+        estimate = result.estimate
+        if estimate.warning:
+            self._console.print(
+                f"{_name(result.image)}: warning: {estimate.warning}",
+                markup=False,
+                soft_wrap=True,
+            )
+        for item in estimate.objects:
             if not item.found:
                 self._console.print(
-                    f"{_name(result.image)} {item.name}: not found: {item.reason}",
+                    f"{_name(result.image)} {item.name}: not found: "
+                    f"{estimate.reason_alone(item)}",
                     markup=False,
                     soft_wrap=True,
                 )
