@@ -90,6 +90,7 @@ _REINSTALL = "pip install --force-reinstall physim-drake"
 
 PROBES = (
     Probe("packages", _REINSTALL),
+    Probe("extras", _REINSTALL),
     Probe("rendering", GRAPHICS_REMEDY),
     Probe("physics", "pip install --force-reinstall drake"),
     Probe("compiled loops", "set NUMBA_CACHE_DIR to a folder that you may write"),

@@ -24,6 +24,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physim_drake.errors import InputError
+from physim_drake.extras import EXTRAS, install_command, need_extra
 from physim_drake.installation import Check, Status
 
 if TYPE_CHECKING:
@@ -32,7 +34,6 @@ if TYPE_CHECKING:
 ProbeFunction = Callable[[], Check]
 
 TESTED_DRAKE = "1.51.1"
-_FOR_DETECTORS = ("safetensors", "torch")  # nothing else needs them
 _SIDE = 0.1  # m, of the boxes that are rendered and dropped
 _HEIGHT = 0.6  # m, of the camera above the table
 _GL_RENDERER = 0x1F01
@@ -40,27 +41,14 @@ _WORKER_TIMEOUT = 120.0  # s
 
 
 def packages() -> Check:
-    """Whether everything that the installed metadata asks for is there."""
-    from packaging.requirements import Requirement
-
-    needed, optional = [], []
-    for text in importlib.metadata.requires("physim-drake") or ():
-        requirement = Requirement(text)
-        marker, name = requirement.marker, requirement.name
-        always = marker is None or marker.evaluate({"extra": ""})
-        if always and name not in _FOR_DETECTORS:
-            needed.append(requirement)
-        else:
-            optional.append(requirement)
+    """Whether everything that the base needs is there, as the metadata asks for it."""
+    needed = _requirements()
     wrong = [problem for r in needed if (problem := _unmet(r))]
     if wrong:
         remedy = "pip install " + " ".join(f"'{r.name}{r.specifier}'" for r in needed)
         return Check("packages", Status.FAIL, ", ".join(wrong), remedy)
     drake = importlib.metadata.version("drake")
     found = f"all {len(needed)} needed; Drake {drake}"
-    absent = [problem for r in optional if (problem := _unmet(r))]
-    if absent:
-        found += f"; of what is optional, {', '.join(absent)}"
     if drake != TESTED_DRAKE:
         return Check(
             "packages",
@@ -69,6 +57,35 @@ def packages() -> Check:
             f"pip install drake=={TESTED_DRAKE}, where something fails",
         )
     return Check("packages", Status.OK, found)
+
+
+def extras() -> Check:
+    """Which extras are installed, and how to get the others; they are no fault."""
+    there, absent = [], {}
+    for name, extra in EXTRAS.items():
+        problems = [problem for r in _requirements(name) if (problem := _unmet(r))]
+        if problems:
+            absent[name] = f"{name} for {extra.purpose} ({', '.join(problems)})"
+        else:
+            there.append(name)
+    found = ", ".join(there) or "none"
+    if absent:
+        found += f"; not {', '.join(absent.values())}: {install_command(*absent)}"
+    return Check("extras", Status.OK, found)
+
+
+def _requirements(extra: str = "") -> list[Any]:
+    """What the base asks for, or what an extra adds to that."""
+    from packaging.requirements import Requirement
+
+    def asked(requirement: Requirement, extra: str) -> bool:
+        marker = requirement.marker
+        return marker is None or marker.evaluate({"extra": extra})
+
+    texts = importlib.metadata.requires("physim-drake") or ()
+    listed = [Requirement(text) for text in texts]
+    base = [r for r in listed if asked(r, "")]
+    return [r for r in listed if asked(r, extra) and r not in base] if extra else base
 
 
 def _unmet(requirement: Any) -> str:
@@ -248,11 +265,13 @@ def models() -> Check:
 def torch_device() -> Check:
     """Runs a convolution on the device that a detector would use."""
     try:
-        import torch
+        need_extra("train")
+    except InputError as error:
+        return _not_installed("torch", error)
+    import torch
 
-        from physim_drake.detection.devices import choose_device
-    except ModuleNotFoundError as error:
-        return _without_torch("torch", error)
+    from physim_drake.detection.devices import choose_device
+
     device = choose_device()
     ones = torch.ones(1, 1, 8, 8, device=device)
     total = float(torch.nn.functional.conv2d(ones, ones[:, :, :3, :3]).sum())
@@ -276,26 +295,25 @@ def detector_weights() -> Check:
             "give --detections or --masks, or physim-drake train weights",
         )
     try:
-        from physim_drake.detection.weights import load_weights
-    except ModuleNotFoundError as error:
-        return _without_torch("detector weights", error)
+        need_extra("train")
+    except InputError as error:
+        return _not_installed("detector weights", error)
+    from physim_drake.detection.weights import load_weights
+
     weights = load_weights(path)
     size = path.stat().st_size / 2**20
     found = f"for {len(weights.classes)} objects, {size:.1f} MiB"
     return Check("detector weights", Status.OK, found)
 
 
-def _without_torch(name: str, error: ModuleNotFoundError) -> Check:
-    return Check(
-        name,
-        Status.WARNING,
-        f"{error.name} is not installed, without which detectors do not work",
-        f"pip install {error.name}, or give --detections or --masks",
-    )
+def _not_installed(name: str, error: InputError) -> Check:
+    """An extra that is missing is no fault: `extras` says how to get it."""
+    return Check(name, Status.OK, f"not tried: {error.source} {error.problem}")
 
 
 PROBE_FUNCTIONS: Mapping[str, ProbeFunction] = {
     "packages": packages,
+    "extras": extras,
     "rendering": rendering,
     "physics": physics,
     "compiled loops": compiled_loops,

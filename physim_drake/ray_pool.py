@@ -17,6 +17,7 @@ from typing import Any
 
 from physim_drake.closing import Closing
 from physim_drake.errors import InputError, PhysimError
+from physim_drake.extras import need_extra
 
 _PATIENCE = 10.0  # s until a cluster must answer
 _AHEAD = 2  # calls a processor that are on their way
@@ -147,14 +148,9 @@ def in_order(results: Iterable[tuple[int, Any]]) -> Iterator[Any]:
 
 def _connect() -> Any:
     """The module ray, connected to a cluster."""
-    try:
-        import ray
-    except ImportError:
-        raise InputError(
-            "--engine",
-            "is ray, which is not installed",
-            "pip install 'physim-drake[ray]', or leave the option out",
-        ) from None
+    need_extra("ray")
+    import ray
+
     if not ray.is_initialized():
         try:
             _knock(os.environ.get("RAY_ADDRESS", ""))

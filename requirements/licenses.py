@@ -28,6 +28,7 @@ packages; the licence texts are in their `dist-info` folders.
 """
 _NOTES = {
     "drake": "its wheel holds other libraries, with their licences in `pydrake/doc`",
+    "matplotlib": "Drake asks for it, too",
     "mosek": "proprietary: Drake asks for it; physim-drake works without its licence",
     "opencv-python-headless": "its wheel holds other libraries, among them FFmpeg "
     "(LGPL 2.1); see its `LICENSE-3RD-PARTY.txt`",
@@ -53,11 +54,20 @@ def page() -> str:
 
 def direct_names() -> list[str]:
     """The packages that pyproject.toml asks for, those to work on the project apart."""
+    return sorted(asked_for())
+
+
+def asked_for() -> dict[str, list[str]]:
+    """These packages, and for each the extras with it where the base is without."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    texts = list(project["dependencies"])
-    for extra, more in project.get("optional-dependencies", {}).items():
-        texts += more if extra not in ("dev", "docs", "fuzz") else []
-    return sorted({_normal(Requirement(text).name) for text in texts})
+    found: dict[str, list[str]] = {
+        _normal(Requirement(text).name): [] for text in project["dependencies"]
+    }
+    for extra, texts in project["optional-dependencies"].items():
+        if extra not in ("all", "dev", "docs", "fuzz"):
+            for text in texts:
+                found.setdefault(_normal(Requirement(text).name), []).append(extra)
+    return found
 
 
 def closure(names: Iterable[str]) -> set[str]:
@@ -81,8 +91,15 @@ def table(names: Iterable[str]) -> str:
     """A row a package."""
     rows = ["| package | licence | note |", "|---|---|---|"]
     for name in names:
-        rows.append(f"| {name} | {license_of(name)} | {_NOTES.get(name, '')} |")
+        rows.append(f"| {name} | {license_of(name)} | {note_on(name)} |")
     return "\n".join(rows) + "\n"
+
+
+def note_on(name: str) -> str:
+    """Which extras a package is for, where the base does without, and more."""
+    extras = asked_for().get(name)
+    only = f"extra {', '.join(extras)}" if extras else ""
+    return "; ".join(text for text in (only, _NOTES.get(name)) if text)
 
 
 def license_of(name: str) -> str:

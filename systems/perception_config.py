@@ -12,6 +12,7 @@ from pydrake.common.schema import Transform
 from physim_drake.detection.choosing import ChoiceConfig
 from physim_drake.errors import InputError
 from physim_drake.estimation import EstimationConfig, Method
+from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
 from physim_drake.objects import ObjectLibrary, ObjectModel
 from physim_drake.systems.camera_source import CameraSourceConfig
@@ -70,6 +71,7 @@ class NetworkDetectorConfig:
         Raises:
             InputError: where the weights cannot be used, or are for other objects.
         """
+        need_extra("train")
         # Imported here, since torch takes its time.
         from physim_drake.detection.detector import NetworkDetector
 

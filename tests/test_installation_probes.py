@@ -16,6 +16,7 @@ from physim_drake.installation_probes import (
     PROBE_FUNCTIONS,
     compiled_loops,
     detector_weights,
+    extras,
     models,
     packages,
     physics,
@@ -33,7 +34,8 @@ def test_every_probe_has_its_function() -> None:
 
 
 @pytest.mark.parametrize(
-    "probe", [packages, rendering, physics, compiled_loops, models, torch_device]
+    "probe",
+    [packages, extras, rendering, physics, compiled_loops, models, torch_device],
 )
 def test_this_installation_passes(probe: installation_probes.ProbeFunction) -> None:
     assert probe().status is not Status.FAIL
@@ -58,12 +60,18 @@ def test_an_untested_drake_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None
     assert "drake==0.1" in check.remedy
 
 
-def test_what_is_optional_and_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    optional = ["nosuchextra>=2; extra == 'more'"]
-    monkeypatch.setattr(importlib.metadata, "requires", lambda _: optional)
-    check = packages()
+def test_missing_extras_are_told_and_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ["numpy>=1", "nosuchray>=2; extra == 'ray'", "numpy>=1; extra == 'viz'"]
+    asked += ["numpy>=999; extra == 'train'", "nosuchtool; extra == 'dev'"]
+    monkeypatch.setattr(importlib.metadata, "requires", lambda _: asked)
+    check = extras()
     assert check.status is Status.OK
-    assert check.message.endswith("of what is optional, nosuchextra is missing")
+    assert check.message.startswith("viz; not ray for several machines")
+    assert "(nosuchray is missing)" in check.message
+    assert f"(numpy is {np.__version__}, needed >=999)" in check.message
+    assert check.message.endswith(": pip install 'physim-drake[ray,train]'")
+    assert "nosuchtool" not in check.message
+    assert packages().status is Status.OK
 
 
 def test_a_wrong_depth_image_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,14 +154,8 @@ def test_detectors_may_be_missing(
     detector: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_network(detector)
-    needed = ["torch==0.0.1", "drake>=1.0"]
-    monkeypatch.setattr(importlib.metadata, "requires", lambda _: needed)
     monkeypatch.setitem(sys.modules, "torch", None)
-    for name in [n for n in sys.modules if n.startswith("physim_drake.detection.")]:
-        monkeypatch.delitem(sys.modules, name)
-    assert packages().status is Status.OK
-    assert "torch is " in packages().message
     for probe in (torch_device, detector_weights):
         check = probe()
-        assert check.status is Status.WARNING
-        assert check.remedy.startswith("pip install torch")
+        assert check.status is Status.OK
+        assert check.message == "not tried: torch is not installed (extra [train])"

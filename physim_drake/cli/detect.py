@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.extras import need_extra
 from physim_drake.models import DETECTOR
 
 
@@ -55,6 +56,8 @@ def detect(
 
     Example: `physim-drake detect datasets/lab --out detections.json --overlays out`
     """
+    need_extra("train")
+
     from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.detection.detect_images import (

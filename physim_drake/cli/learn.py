@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
 
 
@@ -68,6 +69,8 @@ def learn(
 
     Example: `physim-drake learn out/learnt --conditions examples/lighting/dim.yaml`
     """
+    need_extra("train")
+
     from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
     from physim_drake.detection.choosing import ChoiceConfig

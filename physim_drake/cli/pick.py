@@ -17,6 +17,7 @@ from physim_drake.cli.options import (
     write_json,
 )
 from physim_drake.errors import InputError
+from physim_drake.extras import need_extra
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -124,13 +125,15 @@ def pick(
     """
     from contextlib import nullcontext
 
+    if record is not None:
+        need_extra("viz")
+
     from physim_drake.cli.pick_run import PickRun, replay_name
     from physim_drake.files import make_folder
     from physim_drake.picking.episode import summary
     from physim_drake.picking.episode_notes import EpisodeNotes, scenario_settings
     from physim_drake.picking.scenario import load_scenario
     from physim_drake.progress_file import ProgressFile
-    from physim_drake.reporting.episodes import write_episodes_report
     from physim_drake.systems.episodes import local_meshcat
 
     loaded = _choose_detector(load_scenario(scenario), detector, weights)
@@ -150,6 +153,8 @@ def pick(
         run = PickRun(loaded, scenario, notes, record, shown)
         results = run.run(episodes, messages(quiet))
     if record is not None:
+        from physim_drake.reporting.episodes import write_episodes_report
+
         replays = [replay_name(result.episode) for result in results]
         write_episodes_report(results, replays, str(loaded.random_seed), record)
     if json_file is None or not write_json(json_file, summary(results)):

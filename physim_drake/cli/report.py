@@ -20,6 +20,7 @@ from physim_drake.cli.options import (
 )
 from physim_drake.engine import Engine
 from physim_drake.errors import InputError
+from physim_drake.extras import need_extra
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -115,6 +116,8 @@ def report(
 
     Example: `physim-drake report datasets/apc11 --out report --methods physim-mcts`
     """
+    need_extra("viz")
+
     from physim_drake.batch import detection_lookup
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.files import make_folder

@@ -20,6 +20,7 @@ from physim_drake.cli.options import (
 from physim_drake.cli.progress import Steps
 from physim_drake.closing import Closing
 from physim_drake.engine import Engine
+from physim_drake.extras import need_extra
 from physim_drake.models import APC11
 
 if TYPE_CHECKING:
@@ -174,6 +175,8 @@ def train(
 
     Example: `physim-drake train out/detector --models datasets/lab/models`
     """
+    need_extra("train")
+
     import torch
 
     from physim_drake.cli.estimate import default_workers

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,7 @@ from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.files import write_atomically
 from physim_drake.objects import ObjectModel
 from physim_drake.observation import RgbdObservation
+from physim_drake.rendering.colors import diverging_colors, object_color
 from physim_drake.rendering.depth import DepthRenderer
 
 Image = NDArray[np.uint8]
@@ -28,7 +28,6 @@ Image = NDArray[np.uint8]
 RESIDUAL_RANGE = 0.02
 """The colour scale of the depth residuals ends at plus and minus this, m."""
 
-_COLORS = (matplotlib.colormaps["tab10"](np.arange(10))[:, :3] * 255).astype(int)
 _TINT = 0.4
 _DIM = 0.35
 _UNMEASURED = (40, 40, 40)
@@ -113,12 +112,12 @@ def _tinted(
     image = background.astype(float)
     for index in range(len(objects)):
         mask = scene.labels == index
-        image[mask] = (1 - _TINT) * image[mask] + _TINT * _COLORS[index % 10]
+        image[mask] = (1 - _TINT) * image[mask] + _TINT * np.array(object_color(index))
     canvas = np.ascontiguousarray(image.astype(np.uint8))
     for index in range(len(objects)):
         mask = (scene.labels == index).astype(np.uint8)
         edges, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(canvas, edges, -1, _color(index), 2, cv2.LINE_AA)
+        cv2.drawContours(canvas, edges, -1, object_color(index), 2, cv2.LINE_AA)
     taken: list[int] = []
     for index, item in enumerate(objects):
         rows, columns = np.nonzero(scene.labels == index)
@@ -147,7 +146,7 @@ def _label(
     taken.append(bottom)
     corner = (left - 2, bottom - height - 3)
     cv2.rectangle(canvas, corner, (left + width + 2, bottom + below), (0, 0, 0), -1)
-    light = tuple(int(128 + c / 2) for c in _color(index))
+    light = tuple(int(128 + c / 2) for c in object_color(index))
     cv2.putText(canvas, text, (left, bottom), _FONT, scale, light, 1, cv2.LINE_AA)
 
 
@@ -158,17 +157,10 @@ def _residuals(background: Image, measured: DepthImage, scene: SceneLabels) -> I
     image[drawn] = _UNMEASURED
     both = drawn & (measured > 0)
     error = scene.depth[both] - measured[both]
-    image[both] = _diverging(error)
+    image[both] = diverging_colors(error / RESIDUAL_RANGE)
     share = float(np.mean(np.abs(error) < 0.01)) if both.any() else 0.0
     _legend(image, f"rendered - measured; {share:.0%} within 1 cm")
     return image
-
-
-def _diverging(error: NDArray[np.floating]) -> Image:
-    """Colours (N, 3) of residuals (N,) in metres."""
-    share = np.clip(error / RESIDUAL_RANGE, -1, 1) / 2 + 0.5
-    rgb = matplotlib.colormaps["RdBu_r"](share)[..., :3]
-    return np.asarray(rgb * 255, dtype=np.uint8)
 
 
 def _legend(image: Image, title: str) -> None:
@@ -179,8 +171,8 @@ def _legend(image: Image, title: str) -> None:
     bar = max(line, 6)
     left, right = int(0.25 * width), int(0.75 * width)
     top = height - bar - line - 12
-    ramp = np.linspace(-RESIDUAL_RANGE, RESIDUAL_RANGE, right - left)
-    image[top : top + bar, left:right] = _diverging(ramp)[None]
+    ramp = diverging_colors(np.linspace(-1.0, 1.0, right - left))
+    image[top : top + bar, left:right] = ramp[None]
     centimetres = f"{RESIDUAL_RANGE * 100:g} cm"
     for text, column in (
         (f"-{centimetres}", left),
@@ -195,11 +187,6 @@ def _centred(image: Image, text: str, column: int, bottom: int, scale: float) ->
     (width, _), _ = cv2.getTextSize(text, _FONT, scale, 1)
     place = (column - width // 2, bottom)
     cv2.putText(image, text, place, _FONT, scale, (255, 255, 255), 1, cv2.LINE_AA)
-
-
-def _color(index: int) -> tuple[int, int, int]:
-    red, green, blue = (int(c) for c in _COLORS[index % 10])
-    return red, green, blue
 
 
 def write_png(path: Path, image: Image) -> None:

@@ -10,6 +10,7 @@ import networkx as nx
 import numpy as np
 
 from physim_drake.files import write_atomically
+from physim_drake.rendering.colors import object_color
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import Explanation
 from physim_drake.reporting.explanation_figures import (
@@ -19,7 +20,7 @@ from physim_drake.reporting.explanation_figures import (
     score_histogram,
     tree_blocks,
 )
-from physim_drake.reporting.explanation_pictures import Pictures, object_color
+from physim_drake.reporting.explanation_pictures import Pictures
 from physim_drake.reporting.explanation_words import (
     RIGHT_DEG,
     RIGHT_MM,

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from physim_drake.estimate import ObjectEstimate
 from physim_drake.observation import Mask
 from physim_drake.poses import Array, transform_points
+from physim_drake.rendering.colors import Color, diverging_colors, object_color
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import RESIDUAL_RANGE, draw_overlay, render_labels
 from physim_drake.reporting.explanation import Explanation
 from physim_drake.surface import heights_above
 
 Image = NDArray[np.uint8]
-Color = tuple[int, int, int]
 
 GRID = 0.1
 """Of the lines drawn on the support surface, m."""
@@ -35,12 +35,6 @@ _UNMEASURED = (40, 40, 40)
 _WHITE: Color = (255, 255, 255)
 _SURFACE: Color = (0, 170, 160)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-
-
-def object_color(k: int) -> Color:
-    """The colour that object `k` has in every picture."""
-    red, green, blue = matplotlib.colormaps["tab10"](k % 10)[:3]
-    return round(255 * red), round(255 * green), round(255 * blue)
 
 
 class Pictures:
@@ -165,8 +159,7 @@ class Pictures:
         image[drawn > 0] = _UNMEASURED
         both = (drawn > 0) & (measured > 0)
         share = (drawn[both] - measured[both]) / RESIDUAL_RANGE
-        colors = matplotlib.colormaps["RdBu_r"](np.clip(share, -1, 1) / 2 + 0.5)
-        image[both] = (255 * colors[:, :3]).astype(np.uint8)
+        image[both] = diverging_colors(share)
         return image
 
     def _overlay(self, objects: Sequence[ObjectEstimate]) -> Image:
