@@ -23,6 +23,7 @@ from typing import Any
 
 from physim_drake.closing import Closing
 from physim_drake.errors import PhysimError
+from physim_drake.log_levels import telling_as_here
 from physim_drake.process_life import PoolProcess, Reply
 
 _LOOK = 1.0  # s between looks at how long calls take
@@ -69,7 +70,8 @@ class SupervisedPool(Closing):
         config: what is done about those that die.
 
     Use it as a context manager, or call `close`. Where this process is killed, the
-    others end at once. Calls of the pool itself are for one thread at a time.
+    others end at once. Their loggers tell as much as those of this process when the
+    pool is made. Calls of the pool itself are for one thread at a time.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class SupervisedPool(Closing):
         processes: int,
         config: SupervisionConfig = SupervisionConfig(),
     ) -> None:
-        self._make = pickle.dumps(make)
+        self._make = pickle.dumps(telling_as_here(make))
         self._setup: bytes | None = None
         self._count, self._config = processes, config
         self._processes = [self._start() for _ in range(processes)]

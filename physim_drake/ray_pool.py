@@ -18,6 +18,7 @@ from typing import Any
 from physim_drake.closing import Closing
 from physim_drake.errors import InputError, PhysimError
 from physim_drake.extras import need_extra
+from physim_drake.log_levels import telling_as_here
 
 _PATIENCE = 10.0  # s until a cluster must answer
 _AHEAD = 2  # calls a processor that are on their way
@@ -44,7 +45,7 @@ class RayPool(Closing):
     def __init__(self, make: Callable[[], object], retries: int = 3) -> None:
         self._ray = _connect()
         self._key = uuid.uuid4().hex
-        self._make = self._ray.put(pickle.dumps(make))
+        self._make = self._ray.put(pickle.dumps(telling_as_here(make)))
         self._call = self._ray.remote(
             num_cpus=1, max_retries=retries, retry_exceptions=False
         )(call_method)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import time
@@ -38,6 +39,9 @@ class Workshop:
 
     def refuse(self, n: int) -> None:
         raise InputError("number", f"is {n}", "give another")
+
+    def level(self) -> int:
+        return logging.getLogger("physim_drake.x").getEffectiveLevel()
 
     def crash(self, n: int) -> None:
         os._exit(n)
@@ -96,6 +100,16 @@ def test_a_call_that_ends_its_process_is_given_up(cluster: Any, tmp_path: Path) 
         pytest.raises(PhysimError, match="Ray gave a call up"),
     ):
         list(pool.stream("crash", [(1,)]))
+
+
+def test_loggers_tell_as_much_there(
+    cluster: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """They write to the files of the cluster."""
+    for level in (logging.DEBUG, logging.ERROR):
+        caplog.set_level(level)
+        with RayPool(partial(Workshop, tmp_path)) as pool:
+            assert list(pool.stream("level", [()])) == [(0, level)]
 
 
 def test_arguments_are_taken_as_they_are_needed(cluster: Any, tmp_path: Path) -> None:
