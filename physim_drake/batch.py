@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
-from physim_drake.datasets.detections import load_detections
+from physim_drake.datasets.detections import load_detections, warn_of_left_out
 from physim_drake.datasets.results import ResultRow
 from physim_drake.errors import InputError
 from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.estimation import Request
+from physim_drake.extras import need_extra
 from physim_drake.files import write_atomically
 from physim_drake.models import APC11, DETECTOR
 from physim_drake.observation import Detection, RgbdObservation
@@ -92,7 +93,8 @@ def detection_lookup(
             package.
         masks: take the dataset's visible masks instead.
         weights: or what the network with these weights detects.
-        targets: what a network has to know; the dataset's own where it is None.
+        targets: what is looked for, which a network has to know; the dataset's own
+            where it is None. Detections in a file of what is none of them are told.
 
     Returns:
         the look-up, and what to call its source.
@@ -125,6 +127,7 @@ def detection_lookup(
             ) from error
     path = file or own
     detections = load_detections(path, dataset)
+    warn_of_left_out(detections, targets or (), path)
     return lambda image: detections.get(image, []), str(path.resolve())
 
 
@@ -150,6 +153,7 @@ def trained_lookup(
     Raises:
         InputError: where the weights cannot be used, or are for other objects.
     """
+    need_extra("train")
     # Imported here, since torch takes its time.
     from physim_drake.detection.lookup import network_lookup
 

@@ -15,6 +15,7 @@ from physim_drake.cli.options import (
     messages,
     surface_height,
 )
+from physim_drake.extras import need_extra
 
 
 def explain(
@@ -27,30 +28,43 @@ def explain(
     image: Annotated[
         str,
         typer.Option(
-            metavar="SCENE/IMAGE", help="Which image, as in 1/0.", show_default=False
+            metavar="SCENE/IMAGE",
+            help="The image to explain, as in 1/0.",
+            show_default=False,
         ),
     ],
     out: Annotated[
         Path,
         typer.Option(
             metavar="DIR",
-            help="Where the page goes, named after the image.",
+            help="Folder for the page, which is named after the image.",
             show_default=False,
         ),
     ],
-    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    split: Annotated[
+        str, typer.Option(help="Folder of the images, below DATASET.")
+    ] = "test",
     models: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Object models; by default DATASET/models."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the object models; by default DATASET/models.",
+        ),
     ] = None,
     detections: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Detections; by default DATASET/detections.json."
+            metavar="FILE",
+            help="Where the objects are, as for estimate; by default "
+            "DATASET/detections.json.",
         ),
     ] = None,
     masks: Annotated[
-        bool, typer.Option("--masks", help="Use the dataset's mask_visib instead.")
+        bool,
+        typer.Option(
+            "--masks",
+            help="Take the dataset's masks (mask_visib) instead of detections.",
+        ),
     ] = False,
     targets: Annotated[
         Path | None,
@@ -64,33 +78,47 @@ def explain(
         str,
         typer.Option(
             metavar="auto|Z_METRES",
-            help="Find the support surface in the image, or its height in the world.",
+            help="Height of the support surface in the world, in metres; auto finds "
+            "the surface in the image.",
         ),
     ] = "auto",
     expansions: Annotated[
-        int, typer.Option(min=1, help="Budget of the search, per group of objects.")
+        int,
+        typer.Option(
+            min=1,
+            help="Budget of the search: the states that it tries for each group of "
+            "objects.",
+        ),
     ] = 250,
     hypotheses: Annotated[
-        int, typer.Option(min=1, help="Poses per object that the search chooses from.")
+        int,
+        typer.Option(min=1, help="Poses of each object that the search chooses from."),
     ] = 25,
     workers: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Processes; by default one a core."),
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Number of processes; by default one for each core, up to 4.",
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Show how the poses of one image are found, stage by stage, on one HTML page.
 
-    The page needs no server and nothing else: what the camera saw, the surface, the
-    segments, the hypotheses and their scores, which object is placed before which, the
-    search, and for each object how far the image confirms it, or why it was not found.
+    The page needs no server and no other file. It shows what the camera saw, the
+    surface, the segments, the hypotheses and their scores, which object is placed
+    before which, the search, and for each object how far the image confirms it, or why
+    it was not found.
     Where the true poses are known, it says at which stage an error arose. The same
     options give the poses that `estimate` gives.
 
     Example: `physim-drake explain datasets/lab --image 1/3 --out explained`
     """
+    need_extra("viz")
+
     from physim_drake.batch import choose_images, detection_lookup
     from physim_drake.cli.estimate import default_workers
     from physim_drake.datasets.bop import BopDataset
@@ -108,9 +136,9 @@ def explain(
         (chosen,) = choose_images(wanted, [image])
     except InputError as error:
         raise InputError("--image", error.problem, error.remedy) from error
-    look_up, source = detection_lookup(data, detections, masks)
-    ids = {t.object_id for t in wanted if (t.scene_id, t.im_id) == chosen}
-    library = ObjectLibrary.load(data.models, ids)
+    of_image = [t for t in wanted if (t.scene_id, t.im_id) == chosen]
+    look_up, source = detection_lookup(data, detections, masks, targets=of_image)
+    library = ObjectLibrary.load(data.models, {t.object_id for t in of_image})
     config = EstimationConfig(seed=seed, workers=workers or default_workers())
     config = config.with_budget(expansions, hypotheses)
     make_folder(out)

@@ -46,55 +46,87 @@ def report(
     ],
     out: Annotated[
         Path,
-        typer.Option(metavar="DIR", help="Where the report goes.", show_default=False),
+        typer.Option(metavar="DIR", help="Folder for the report.", show_default=False),
     ],
     methods: Annotated[
-        str, typer.Option(metavar="A,B,...", help="Methods to compare.")
+        str,
+        typer.Option(
+            metavar="A,B,...", help="The methods to compare, separated by commas."
+        ),
     ] = _METHODS,
-    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    split: Annotated[
+        str, typer.Option(help="Folder of the images, below DATASET.")
+    ] = "test",
     models: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Object models; by default the dataset's."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the object models; by default DATASET/models.",
+        ),
     ] = None,
     detections: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Detections; by default the dataset's detections.json."
+            metavar="FILE",
+            help="Where the objects are, as for estimate; by default "
+            "DATASET/detections.json.",
         ),
     ] = None,
     masks: Annotated[
-        bool, typer.Option("--masks", help="Take the visible masks as detections.")
+        bool,
+        typer.Option(
+            "--masks",
+            help="Take the dataset's masks (mask_visib) instead of detections.",
+        ),
     ] = False,
     detector: Annotated[
         bool,
         typer.Option(
             "--detector",
-            help="Run the first method that searches with what a network detects, too, "
-            "and show what accuracy that loses.",
+            help="Also run the first method that searches on what a network detects, "
+            "and show how much accuracy that costs.",
         ),
     ] = False,
     weights: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Of that network, and of fcn-pca-icp.",
+            help="Weights of the network, for --detector and for fcn-pca-icp.",
             show_default="those of apc11",
         ),
     ] = None,
-    expansions: Annotated[int, typer.Option(min=1, help="Expansions a group.")] = 250,
+    expansions: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help="Budget of the search: the states that it tries for each group of "
+            "objects.",
+        ),
+    ] = 250,
     plain: Plain = False,
     hypotheses: Annotated[
-        int, typer.Option(min=1, help="Representatives an object.")
+        int,
+        typer.Option(min=1, help="Poses of each object that the search chooses from."),
     ] = 25,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; by default, one a core.")
+        int | None,
+        typer.Option(
+            min=1, help="Number of processes; by default one for each core, up to 4."
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
     vsd: Annotated[
-        bool, typer.Option(help="Compute VSD, for which every pose is rendered.")
+        bool,
+        typer.Option(
+            help="Whether to compute VSD, too, which takes long: every pose is "
+            "rendered."
+        ),
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what an earlier run left.")
+        bool,
+        typer.Option(
+            "--resume", help="Go on with an earlier run: keep what it finished."
+        ),
     ] = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
@@ -130,8 +162,9 @@ def report(
     names = _read_methods(methods)
     make_folder(out)
     data = BopDataset(dataset, split, models)
-    library = ObjectLibrary.load(data.models, {t.object_id for t in data.targets()})
-    look_up, source = detection_lookup(data, detections, masks)
+    wanted = data.targets()
+    library = ObjectLibrary.load(data.models, {t.object_id for t in wanted})
+    look_up, source = detection_lookup(data, detections, masks, targets=wanted)
     config = _config(seed, plain, workers, expansions, hypotheses)
     study = Study(data, library, look_up, source, config, engine=engine)
     plan, notes = _plan(study, names, detector, weights, methods == _METHODS)

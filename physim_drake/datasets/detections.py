@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import logging
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from physim_drake.datasets.bop import BopDataset, ImageId
+from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.json_nodes import JsonNode, read_json
 from physim_drake.datasets.rle import Runs, decode_runs, read_runs
 from physim_drake.errors import InputError
@@ -17,6 +19,9 @@ from physim_drake.observation import Detection
 from physim_drake.poses import Array
 
 _MAX_COORDINATE = 1e6
+_MOST_NAMED = 10
+
+_log = logging.getLogger(__name__)
 
 
 class Detections(Mapping[ImageId, list[Detection]]):
@@ -37,6 +42,11 @@ class Detections(Mapping[ImageId, list[Detection]]):
         if isinstance(entries, InputError):
             raise entries
         return [entry.detection() for entry in entries]
+
+    def object_ids(self, image: ImageId) -> list[int]:
+        """Which objects are detected in an image, without decoding masks."""
+        entries = self._entries.get(image, [])
+        return [] if isinstance(entries, InputError) else [e.object_id for e in entries]
 
     def __iter__(self) -> Iterator[ImageId]:
         return iter(self._entries)
@@ -80,6 +90,37 @@ def load_detections(path: Path, dataset: BopDataset) -> Detections:
             "check that the detections belong to this dataset and split",
         )
     return Detections(entries)
+
+
+def warn_of_left_out(
+    detections: Detections, targets: Iterable[Target], source: Path | str
+) -> None:
+    """Logs how many detections are of objects that are no target of their image.
+
+    Args:
+        detections: of any images; those without a target do not count.
+        targets: all that are looked for.
+        source: what to call the detections' source.
+    """
+    wanted: dict[ImageId, set[int]] = defaultdict(set)
+    for target in targets:
+        wanted[target.scene_id, target.im_id].add(target.object_id)
+    left_out = [
+        object_id
+        for image, ids in wanted.items()
+        for object_id in detections.object_ids(image)
+        if object_id not in ids
+    ]
+    if left_out:
+        ids = sorted(set(left_out))
+        named = ", ".join(map(str, ids[:_MOST_NAMED]))
+        _log.warning(
+            "%s: detections left out, since their objects are no target of the image: "
+            "%d (obj_id %s)",
+            source,
+            len(left_out),
+            named + (", ..." if len(ids) > _MOST_NAMED else ""),
+        )
 
 
 @dataclass(frozen=True)

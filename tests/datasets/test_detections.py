@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from pycocotools import mask as coco
 
-from physim_drake.datasets.bop import BopDataset
-from physim_drake.datasets.detections import load_detections
+from physim_drake.batch import detection_lookup
+from physim_drake.datasets.bop import BopDataset, Target
+from physim_drake.datasets.detections import load_detections, warn_of_left_out
 from physim_drake.datasets.json_nodes import JsonNode
 from physim_drake.datasets.rle import decode_runs, read_runs
 from physim_drake.errors import InputError, PhysimError
@@ -146,3 +147,47 @@ def test_mangled_files_raise_only_input_errors(
     with suppress(PhysimError):
         for found in load_detections(path, dataset).values():
             assert len(found) > 0
+
+
+TARGETS = [Target(3, 0, 1, 1), Target(3, 7, 1, 1), Target(3, 7, 2, 1)]
+
+
+def test_detections_that_are_left_out_are_told_once(
+    dataset: BopDataset, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = load(
+        dataset,
+        detection(),
+        detection(category_id=2),
+        detection(category_id=9),
+        detection(category_id=9, image_id=7),
+    )
+    warn_of_left_out(found, TARGETS, "boxes.json")
+    (said,) = caplog.messages
+    assert said == (
+        "boxes.json: detections left out, since their objects are no target of the "
+        "image: 3 (obj_id 2, 9)"
+    )
+    caplog.clear()
+    warn_of_left_out(found, [Target(3, 7, 9, 1)], "boxes.json")
+    assert caplog.messages == []
+
+
+def test_few_of_many_objects_left_out_are_named(
+    dataset: BopDataset, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = load(dataset, *[detection(category_id=k) for k in range(1, 31)])
+    warn_of_left_out(found, TARGETS, "boxes.json")
+    (said,) = caplog.messages
+    assert said.endswith("(obj_id 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, ...)")
+
+
+def test_the_look_up_tells_what_the_targets_leave_out(
+    dataset: BopDataset, caplog: pytest.LogCaptureFixture
+) -> None:
+    load(dataset, detection(), detection(category_id=9))
+    detection_lookup(dataset, targets=TARGETS)
+    assert "no target of the image: 1 (obj_id 9)" in caplog.text
+    caplog.clear()
+    detection_lookup(dataset)
+    assert caplog.messages == []
