@@ -15,13 +15,16 @@ from physim_drake.models import DETECTOR
 
 def detect(
     dataset: Annotated[
-        Path, typer.Argument(help="Dataset in BOP layout.", show_default=False)
+        Path,
+        typer.Argument(
+            help="Dataset in BOP layout, as for estimate.", show_default=False
+        ),
     ],
     out: Annotated[
         Path,
         typer.Option(
             metavar="DETECTIONS.json",
-            help="Where boxes and masks go, in BOP's JSON format.",
+            help="File for boxes and masks, in BOP's JSON format.",
             show_default=False,
         ),
     ],
@@ -29,25 +32,35 @@ def detect(
         Path,
         typer.Option(
             metavar="FILE",
-            help="What physim-drake train wrote.",
+            help="Weights of the network; physim-drake train writes them.",
             show_default="those of apc11",
         ),
     ] = DETECTOR,
-    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    split: Annotated[
+        str, typer.Option(help="Folder of the images, below DATASET.")
+    ] = "test",
     least_score: Annotated[
         float,
-        typer.Option(min=0.0, max=1.0, help="Less certain detections are dropped."),
+        typer.Option(min=0.0, max=1.0, help="Detections of a lower score are dropped."),
     ] = 0.05,
     overlays: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Draw boxes, masks and names into images."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder for pictures: boxes, masks and names drawn into the images.",
+        ),
     ] = None,
     drawn_score: Annotated[
         float,
-        typer.Option(min=0.0, max=1.0, help="Less certain ones are not drawn."),
+        typer.Option(
+            min=0.0, max=1.0, help="Detections of a lower score are not drawn."
+        ),
     ] = 0.5,
     threads: Annotated[
-        int | None, typer.Option(min=1, help="CPU threads; by default one a core.")
+        int | None,
+        typer.Option(
+            min=1, help="Number of CPU threads; by default one for each core."
+        ),
     ] = None,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,

@@ -22,9 +22,9 @@ def doctor(
 ) -> None:
     """Check the installation: rendering, physics, processes, models and the rest.
 
-    Each check is one line: ok, warning (works, though not as well as it might) or FAIL,
-    and below it what to do. What is checked is done for real: a scene is rendered, a
-    box is dropped, processes are started. It takes some ten seconds.
+    Each check prints one line: ok, warning (works, though not as well as it might) or
+    FAIL, and below it what to do. What is checked is done for real: a scene is
+    rendered, a box is dropped, processes are started. It takes ten to twenty seconds.
 
     Exit status: 0 where nothing fails, else 1.
 

@@ -58,7 +58,7 @@ def estimate(
         Path,
         typer.Argument(
             help="Dataset in BOP layout: DATASET/SPLIT/SCENE/{rgb,depth,"
-            "scene_camera.json}.",
+            "scene_camera.json}. Depth times depth_scale is in millimetres.",
             show_default=False,
         ),
     ],
@@ -66,37 +66,51 @@ def estimate(
         Path,
         typer.Option(
             metavar="RESULTS.csv",
-            help="Where the poses go, in BOP's results format; time = seconds of the "
-            "whole image.",
+            help="File for the poses, in BOP's results format: translations in "
+            "millimetres, time in seconds of the whole image.",
             show_default=False,
         ),
     ],
-    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    split: Annotated[
+        str, typer.Option(help="Folder of the images, below DATASET.")
+    ] = "test",
     models: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Object models; by default DATASET/models."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the object models; by default DATASET/models.",
+        ),
     ] = None,
     detections: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Boxes, or masks, of the objects in BOP's JSON format; by default "
-            "DATASET/detections.json, else what a network detects.",
+            help="Where the objects are, in BOP's JSON format: boxes as left, top, "
+            "width, height in pixels, or masks. By default DATASET/detections.json, "
+            "and where there is none, what the network of the package detects.",
         ),
     ] = None,
     masks: Annotated[
-        bool, typer.Option("--masks", help="Use the dataset's mask_visib instead.")
+        bool,
+        typer.Option(
+            "--masks",
+            help="Take the dataset's masks (mask_visib) instead of detections.",
+        ),
     ] = False,
     weights: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Or what a network detects, with these weights of physim-drake train.",
+            help="Take what a network with these weights detects, instead of "
+            "detections from a file; physim-drake train writes them.",
         ),
     ] = None,
     boxes: Annotated[
         bool,
-        typer.Option("--boxes", help="Use the boxes of detections with masks, too."),
+        typer.Option(
+            "--boxes",
+            help="Use only the boxes of the detections, also where they have masks.",
+        ),
     ] = False,
     targets: Annotated[
         Path | None,
@@ -110,24 +124,38 @@ def estimate(
         str,
         typer.Option(
             metavar="auto|Z_METRES",
-            help="Find the support surface in each image, or its height in the world.",
+            help="Height of the support surface in the world, in metres; auto finds "
+            "the surface in each image.",
         ),
     ] = "auto",
-    method: Annotated[MethodName, typer.Option(help="How.")] = "physim-mcts",
+    method: Annotated[
+        MethodName,
+        typer.Option(
+            help="The two physim methods search over all objects together, with "
+            "physics; the others take each object alone. fcn-pca-icp takes its "
+            "segments from a network."
+        ),
+    ] = "physim-mcts",
     expansions: Annotated[
-        int, typer.Option(min=1, help="Budget of the search, per group of objects.")
+        int,
+        typer.Option(
+            min=1,
+            help="Budget of the search: the states that it tries for each group of "
+            "objects.",
+        ),
     ] = 250,
     plain: Plain = False,
     hypotheses: Annotated[
-        int, typer.Option(min=1, help="Poses per object that the search chooses from.")
+        int,
+        typer.Option(min=1, help="Poses of each object that the search chooses from."),
     ] = 25,
     least_confidence: Annotated[
         float | None,
         typer.Option(
             min=0,
             max=1,
-            help="An object that the image confirms by less is not found; 0 keeps all. "
-            "By default 0.5, or 0 with --plain and with methods that do not search.",
+            help="An object of less confidence counts as not found; 0 keeps all. By "
+            "default 0.5, or 0 with --plain and with methods that do not search.",
             show_default=False,
         ),
     ] = None,
@@ -136,29 +164,31 @@ def estimate(
         typer.Option(
             metavar="N",
             min=1,
-            help="Processes; by default one a core, up to "
+            help="Number of processes; by default one for each core, up to "
             f"{MAX_DEFAULT_WORKERS}. The poses do not depend on it.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
     images: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="SCENE/IMAGE ...", help="Only these images, as in 1/0 1/3."
+            metavar="SCENE/IMAGE ...", help="Estimate only these images, as in 1/0 1/3."
         ),
     ] = None,
     overlays: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Draw each estimate over its image, beside the depth residuals.",
+            help="Folder for pictures: each estimate drawn over its image, beside the "
+            "depth residuals.",
         ),
     ] = None,
     trace: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Write how the search went: best score by expansion and seconds.",
+            help="Folder for JSON files that tell how each search went: the best score "
+            "by expansion and seconds.",
         ),
     ] = None,
     resume: Annotated[
@@ -172,13 +202,13 @@ def estimate(
     """Estimate the 6D pose of every target object in a dataset's images.
 
     The poses of an image are consistent with each other and with the surface that the
-    objects rest on. An object whose points are too few is reported as not found, never
-    placed at random, and so is one that the image does not confirm; score is the
-    confidence: the share of what is seen of the model that the depth image confirms to
-    1 cm, times the share of its segment explained, divided among poses that explain the
-    image about as well.
+    objects rest on. An object that has too few points, or whose pose the image does not
+    confirm, is reported as not found; none is placed at random. The score of a pose is
+    its confidence, from 0 to 1: the share of what is seen of the model that the depth
+    image confirms to 1 cm, times the share of the object's segment that the estimate
+    explains, divided among poses that explain the image about as well.
 
-    Results are written image by image: after an error or Ctrl-C those done are kept,
+    Results are written image by image: what is done is kept after an error or Ctrl-C,
     and `--resume` goes on from there.
 
     Try, for example:

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 def evaluate(
     results: Annotated[
         Path,
-        typer.Argument(help="Results in the BOP format (CSV).", show_default=False),
+        typer.Argument(
+            help="Poses in BOP's results format (CSV), as estimate writes them.",
+            show_default=False,
+        ),
     ],
     dataset: Annotated[
         Path,
@@ -32,16 +35,26 @@ def evaluate(
         typer.Option(
             "--json",
             metavar="FILE",
-            help="Write every target's errors to FILE, too; - prints them instead.",
+            help="Also write the errors of every target to FILE, as JSON; - prints "
+            "JSON instead.",
         ),
     ] = None,
     models: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Object models; by default the dataset's."),
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the object models; by default DATASET/models.",
+        ),
     ] = None,
-    split: Annotated[str, typer.Option(help="Folder of the images.")] = "test",
+    split: Annotated[
+        str, typer.Option(help="Folder of the images, below DATASET.")
+    ] = "test",
     vsd: Annotated[
-        bool, typer.Option(help="Compute VSD, for which every pose is rendered.")
+        bool,
+        typer.Option(
+            help="Whether to compute VSD, too, which takes longer: every pose is "
+            "rendered."
+        ),
     ] = True,
 ) -> None:
     """Judge results against a dataset's ground truth.

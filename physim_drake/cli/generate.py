@@ -42,39 +42,56 @@ def generate(
     out: Annotated[
         Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
     ],
-    scenes: Annotated[int, typer.Option(min=1, help="How many scenes.")] = 10,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    scenes: Annotated[int, typer.Option(min=1, help="Number of scenes.")] = 10,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
     levels: Annotated[
         str,
         typer.Option(
             metavar="LIST",
-            help="Interaction levels of the scenes, in turn: 1 independent objects, "
-            "2 two that touch, 3 three, more a pile of so many.",
+            help="Interaction levels of the scenes, in turn. 1: the objects do not "
+            "touch; 2: two of them touch; 3: three do; a larger number: a pile of so "
+            "many.",
         ),
     ] = "1,2,3",
     objects: Annotated[
-        str, typer.Option(metavar="MIN:MAX", help="Objects a scene.")
+        str, typer.Option(metavar="MIN:MAX", help="Fewest and most objects of a scene.")
     ] = "2:4",
     models: Annotated[
-        Path, typer.Option(metavar="DIR", help="Object models.", show_default="apc11")
+        Path,
+        typer.Option(
+            metavar="DIR", help="Folder of the object models.", show_default="apc11"
+        ),
     ] = APC11,
-    views: Annotated[int, typer.Option(min=1, help="Images a scene.")] = 1,
+    views: Annotated[
+        int, typer.Option(min=1, help="Images of each scene, from different sides.")
+    ] = 1,
     workers: Annotated[
-        int, typer.Option(min=1, help="Processes; the files do not depend on it.")
+        int,
+        typer.Option(min=1, help="Number of processes; the files do not depend on it."),
     ] = 1,
     camera: Annotated[
-        Camera, typer.Option(help="Whose intrinsics and errors.")
+        Camera,
+        typer.Option(help="The camera whose intrinsics and errors are simulated."),
     ] = Camera.D415,
-    noise: Annotated[bool, typer.Option(help="Whether the camera errs.")] = True,
+    noise: Annotated[
+        bool, typer.Option(help="Whether the camera makes errors, as a real one does.")
+    ] = True,
     container: Annotated[
         Container, typer.Option(help="What the objects stand on or in.")
     ] = Container.TABLE,
     min_visible: Annotated[
         float,
-        typer.Option(min=0.0, max=1.0, help="Share of each object that must show."),
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="The least share of each object that every image must show.",
+        ),
     ] = 0.25,
     resume: Annotated[
-        bool, typer.Option(help="Keep the scenes that an earlier run finished.")
+        bool,
+        typer.Option(
+            help="Go on with an earlier run: keep the scenes that it finished."
+        ),
     ] = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
@@ -82,8 +99,8 @@ def generate(
 ) -> None:
     """Generate cluttered scenes with exact ground truth, as a BOP dataset.
 
-    Objects are placed, settled with hydroelastic contact, labelled by who touches whom,
-    and seen by a camera that errs like a RealSense. Beside BOP's files there are
+    Objects are placed, settled with hydroelastic contact, labelled by which touch
+    which, and seen by a camera that errs like a RealSense. Beside BOP's files there are
     `levels.json`, `detections.json` (true boxes, each side off by up to 6 %), COCO
     annotations (`scene_gt_coco.json`) and Drake model directives (`scene.dmd.yaml`).
     The same seed gives the same files.

@@ -15,13 +15,13 @@ from physim_drake.models import APC11, DETECTOR
 
 def learn(
     out: Annotated[
-        Path, typer.Argument(help="Folder of the dataset.", show_default=False)
+        Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
     ],
     weights: Annotated[
         Path,
         typer.Option(
             metavar="FILE",
-            help="What physim-drake train wrote.",
+            help="Weights of the detector; physim-drake train writes them.",
             show_default="those of apc11",
         ),
     ] = DETECTOR,
@@ -29,7 +29,7 @@ def learn(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="The cell and its objects, as for pick.",
+            help="YAML file of the cell and its objects, as for pick.",
             show_default="all of apc11 on the table",
         ),
     ] = None,
@@ -37,26 +37,38 @@ def learn(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Lights and camera: a YAML file.",
+            help="YAML file of the lights and of the camera.",
             show_default="the cell's",
         ),
     ] = None,
-    scenes: Annotated[int, typer.Option(min=1, help="Scenes to look at.")] = 40,
-    views: Annotated[int, typer.Option(min=2, help="Views of each.")] = 5,
+    scenes: Annotated[
+        int, typer.Option(min=1, help="Number of scenes to look at.")
+    ] = 40,
+    views: Annotated[
+        int, typer.Option(min=2, help="Number of views of each scene.")
+    ] = 5,
     least_score: Annotated[
         float,
         typer.Option(
-            min=0.0, max=1.0, help="Less certain detections are not followed."
+            min=0.0, max=1.0, help="Detections of a lower score are not used."
         ),
     ] = 0.3,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="Processes that estimate; by default one a core."),
+        typer.Option(
+            min=1,
+            help="Number of processes that estimate; by default one for each core, up "
+            "to 4.",
+        ),
     ] = None,
     threads: Annotated[
-        int | None, typer.Option(min=1, help="CPU threads of the network.")
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of CPU threads of the network; by default one for each core.",
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:

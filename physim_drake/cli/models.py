@@ -43,14 +43,16 @@ def _group() -> None:
 def check(
     folder: Annotated[
         Path,
-        typer.Argument(help="A library.yaml's folder, a BOP models folder, or meshes."),
+        typer.Argument(
+            help="Folder of a library.yaml, a BOP models folder, or a folder of meshes."
+        ),
     ],
     json_file: Annotated[
         Path | None,
         typer.Option(
             "--json",
             metavar="FILE",
-            help="Write the facts to FILE, too; - prints them instead.",
+            help="Also write what is shown to FILE, as JSON; - prints JSON instead.",
         ),
     ] = None,
 ) -> None:

@@ -13,6 +13,7 @@ import typer
 
 from physim_drake.engine import Engine
 from physim_drake.errors import InputError
+from physim_drake.log_levels import LogLevels
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,8 +22,8 @@ EngineOption = Annotated[
     Engine,
     typer.Option(
         "--engine",
-        help="Where the work is done: ray is on the cluster that the variable "
-        "RAY_ADDRESS names, else on this machine. The results are the same.",
+        help="Where the work is done: local is this machine, ray the Ray cluster that "
+        "the variable RAY_ADDRESS names. The results are the same.",
     ),
 ]
 """Of commands whose work can be divided."""
@@ -31,14 +32,15 @@ Plain = Annotated[
     bool,
     typer.Option(
         "--plain",
-        help="Search as the paper does: all expansions, however little they gain, and "
-        "once only.",
+        help="Search as the paper does: make all expansions, however little they gain, "
+        "and search only once.",
     ),
 ]
 """Of commands that search."""
 
 Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress; results and errors only.")
+    bool,
+    typer.Option("--quiet", "-q", help="Show no progress, only results and errors."),
 ]
 """Of commands that take long: `messages(quiet)` keeps to it."""
 
@@ -53,13 +55,11 @@ class LogLevelName(StrEnum):
 
 
 def set_log_level(name: LogLevelName) -> LogLevelName:
-    """Lets the loggers of this process, Drake's among them, write to stderr."""
+    """Lets loggers, Drake's among them, write to stderr, here and in workers."""
     level = getattr(logging, name.upper())
-    logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s")
-    logging.getLogger().setLevel(level)
     # Drake's warnings are about models that we ship and know.
     known = name is LogLevelName.WARNING
-    logging.getLogger("drake").setLevel(logging.ERROR if known else level)
+    LogLevels({"": level, "drake": logging.ERROR if known else level}).apply()
     return name
 
 
@@ -68,7 +68,7 @@ LogLevel = Annotated[
     typer.Option(
         "--log-level",
         callback=set_log_level,
-        help="Least severity of messages from within, Drake's included.",
+        help="Show messages from within, Drake's included, from this severity on.",
     ),
 ]
 """Of commands that take long; its callback does all, so that none needs the value."""

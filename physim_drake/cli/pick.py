@@ -40,22 +40,22 @@ class Detector(StrEnum):
 
 def pick(
     scenario: Annotated[
-        Path, typer.Argument(help="The cell, its objects, its task: a YAML file.")
+        Path, typer.Argument(help="YAML file of the cell, its objects and its task.")
     ],
     seed: Annotated[
         int | None,
         typer.Option(
-            min=0, help="Of all random choices.", show_default="the scenario's"
+            min=0, help="Seed of all random choices.", show_default="the scenario's"
         ),
     ] = None,
     episodes: Annotated[
-        int, typer.Option(min=1, help="How many, each with other objects.")
+        int, typer.Option(min=1, help="Number of episodes, each with other objects.")
     ] = 1,
     detector: Annotated[
         Detector | None,
         typer.Option(
-            help="A trained network finds the objects in the images, or an oracle that "
-            "knows where they are.",
+            help="What finds the objects in the images: a trained network, or an "
+            "oracle that knows where they are.",
             show_default="the scenario's",
         ),
     ] = None,
@@ -63,39 +63,42 @@ def pick(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Of the network: what physim-drake train wrote.",
+            help="Weights of the network; physim-drake train writes them.",
             show_default="the scenario's",
         ),
     ] = None,
     meshcat: Annotated[
         bool,
-        typer.Option("--meshcat/--headless", help="Whether to show it in a browser."),
+        typer.Option(
+            "--meshcat/--headless",
+            help="Whether to show the cell in a browser, through Meshcat.",
+        ),
     ] = False,
     host: Annotated[
         str,
         typer.Option(
-            metavar="ADDRESS", help="Where Meshcat listens; * for every address."
+            metavar="ADDRESS",
+            help="The address at which Meshcat listens; * is every address.",
         ),
     ] = "localhost",
     record: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="Write a report with replays into this folder."
-        ),
+        typer.Option(metavar="DIR", help="Folder for a report with replays."),
     ] = None,
     json_file: Annotated[
         Path | None,
         typer.Option(
             "--json",
             metavar="FILE",
-            help="Write all figures to FILE; - prints them instead of the table.",
+            help="Write all figures as JSON to FILE; - prints them instead of the "
+            "table.",
         ),
     ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
             min=1,
-            help="Processes that estimate; the figures do not depend on it.",
+            help="Number of processes that estimate; the figures do not depend on it.",
             show_default="the scenario's",
         ),
     ] = None,

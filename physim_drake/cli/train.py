@@ -67,23 +67,36 @@ class Container(StrEnum):
 
 
 def train(
-    out: Annotated[Path, typer.Argument(help="Folder of the run.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Argument(help="Folder for all that the run writes.", show_default=False),
+    ],
     models: Annotated[
-        Path, typer.Option(metavar="DIR", help="Object models.", show_default="apc11")
+        Path,
+        typer.Option(
+            metavar="DIR", help="Folder of the object models.", show_default="apc11"
+        ),
     ] = APC11,
     scenes: Annotated[
-        int, typer.Option(min=1, help="Scenes to generate and learn from.")
+        int, typer.Option(min=1, help="Number of scenes to generate and learn from.")
     ] = 500,
-    views: Annotated[int, typer.Option(min=1, help="Images a scene.")] = 8,
+    views: Annotated[
+        int, typer.Option(min=1, help="Images of each scene, from different sides.")
+    ] = 8,
     test_images: Annotated[
-        int, typer.Option(min=1, help="Images of other scenes to test on.")
+        int, typer.Option(min=1, help="Number of images of other scenes to test on.")
     ] = 200,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of training.")] = 4500,
-    batch: Annotated[int, typer.Option(min=1, help="Images a step.")] = 8,
+    steps: Annotated[int, typer.Option(min=1, help="Number of training steps.")] = 4500,
+    batch: Annotated[
+        int, typer.Option(min=1, help="Images that each training step learns from.")
+    ] = 8,
     learning_rate: Annotated[
         float,
         typer.Option(
-            min=1e-6, max=0.1, help="Highest; a third of it suffices with --start."
+            min=1e-6,
+            max=0.1,
+            help="The highest learning rate; with --start a third of the default is "
+            "enough.",
         ),
     ] = 1e-3,
     calm: Annotated[
@@ -91,19 +104,27 @@ def train(
         typer.Option(
             min=0.0,
             max=1.0,
-            help="Share of the steps, at the end, in which images are changed little.",
+            help="The share of the steps, at the end, in which the images are changed "
+            "only a little.",
         ),
     ] = 0.2,
     network: Annotated[
         Network,
-        typer.Option(help="faster-rcnn finds objects, fcn the class of each pixel."),
+        typer.Option(
+            help="faster-rcnn finds objects with boxes and masks; fcn tells the class "
+            "of each pixel."
+        ),
     ] = Network.FASTER_RCNN,
     backbone: Annotated[
-        Backbone, typer.Option(help="What features come from.")
+        Backbone, typer.Option(help="The network's part that computes features.")
     ] = Backbone.RESIDUAL,
     image_size: Annotated[
         int,
-        typer.Option(min=64, max=2048, help="Longer side of images to the network."),
+        typer.Option(
+            min=64,
+            max=2048,
+            help="The longer side, in pixels, to which images are scaled.",
+        ),
     ] = 448,
     depth: Annotated[
         bool, typer.Option("--depth", help="Learn from depth as well as colour.")
@@ -112,8 +133,9 @@ def train(
         list[Path] | None,
         typer.Option(
             metavar="DATASET",
-            help="Learn from a dataset in BOP layout with mask_visib instead; may be "
-            "given several times, each then counts the same.",
+            help="Learn from a dataset in BOP layout with mask_visib, instead of "
+            "generated scenes. It may be given several times; each dataset then "
+            "counts the same.",
         ),
     ] = None,
     start: Annotated[
@@ -128,8 +150,8 @@ def train(
         typer.Option(
             min=0.0,
             max=0.99,
-            help="Share of the weights it started from that the result keeps; with "
-            "some (0.5) it does better on images unlike those that it learnt from.",
+            help="The share that the weights of --start have in the result; with 0.5 "
+            "it does better on images unlike those that it learnt from.",
         ),
     ] = 0.0,
     container: Annotated[
@@ -139,25 +161,40 @@ def train(
         int | None,
         typer.Option(
             min=1,
-            help="Processes that generate scenes; by default one a core. The scenes do "
-            "not depend on it.",
+            help="Number of processes that generate scenes; by default one for each "
+            "core, up to 4. The scenes do not depend on it.",
         ),
     ] = None,
     threads: Annotated[
         int | None,
-        typer.Option(min=1, help="CPU threads that train; by default one a core."),
+        typer.Option(
+            min=1,
+            help="Number of CPU threads that train; by default one for each core.",
+        ),
     ] = None,
-    device: Annotated[Device, typer.Option(help="Where it trains.")] = Device.AUTO,
+    device: Annotated[
+        Device,
+        typer.Option(help="The device to train on; auto takes a GPU if there is one."),
+    ] = Device.AUTO,
     precision: Annotated[
-        Precision, typer.Option(help="Of products; auto takes what is fast.")
+        Precision,
+        typer.Option(
+            help="Precision of the computation; auto takes what is fast on the device."
+        ),
     ] = Precision.AUTO,
     save_every: Annotated[
         int,
-        typer.Option(min=1, help="Steps that are lost at most when it is cut off."),
+        typer.Option(
+            min=1,
+            help="Save every so many steps: no more are lost when the run is cut off.",
+        ),
     ] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random choices.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what an earlier run left.")
+        bool,
+        typer.Option(
+            "--resume", help="Go on with an earlier run where it was cut off."
+        ),
     ] = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,

@@ -43,6 +43,17 @@ def test_help_shows_an_example(name: str) -> None:
         assert re.search(rf"`physim-drake .*{shown.name}( |`)", shown.help), shown.name
 
 
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_help_of_an_option_is_a_sentence(name: str) -> None:
+    command = COMMANDS[name]
+    for shown in getattr(command, "commands", {name: command}).values():
+        for option in shown.params:
+            said = option.help
+            assert said.endswith("."), option.name
+            assert len(said.split()) > 2, option.name
+            assert not re.match(r"(Of|Or|How|Whose|Where it)\b", said), option.name
+
+
 @pytest.mark.usefixtures("loggers")
 def test_log_levels_are_those_of_all_loggers_but_known_warnings_of_drake() -> None:
     set_log_level(LogLevelName.DEBUG)
