@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from pydrake.common.schema import Transform
 from pydrake.geometry import (
-    ClippingRange,
     ColorRenderCamera,
     DepthRange,
     DepthRenderCamera,
     LightParameter,
     MakeRenderEngineVtk,
-    RenderCameraCore,
     RenderEngineVtkParams,
     SceneGraph,
 )
@@ -22,13 +20,13 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo, RgbdSensor
+from pydrake.systems.sensors import RgbdSensor
 
-from physim_drake.camera import CameraIntrinsics
 from physim_drake.errors import InputError
+from physim_drake.rendering.camera_core import NEAR, camera_core
 from physim_drake.systems.perception_config import PerceptionCameraConfig
 
-_NEAR, _FAR = 0.05, 10.0
+_FAR = 10.0  # m
 
 # Soft light from the camera's side, and more of it from above.
 _ROOM = (
@@ -60,19 +58,18 @@ def add_rgbd_sensors(
     """
     mount = _mount(plant, config.X_PB)
     _add_renderer(scene_graph, config.renderer, _ROOM)
-    core = _core(config.intrinsics, config.renderer, RigidTransform())
+    K, seen = config.intrinsics, DepthRange(NEAR, _FAR)
+    core = camera_core(K, config.renderer, _FAR)
     X_CD = RigidTransform(config.draw_extrinsic_error())
-    depth = DepthRenderCamera(
-        _core(config.intrinsics, config.renderer, X_CD), DepthRange(_NEAR, _FAR)
-    )
+    depth = DepthRenderCamera(camera_core(K, config.renderer, _FAR, X_CD), seen)
     sensor = RgbdSensor(*mount, ColorRenderCamera(core), depth)
     builder.AddNamedSystem("rgbd_sensor", sensor)
     if not (config.depth_noise and config.reflections):
         return sensor, None
     projector = f"{config.renderer}_projector"
     _add_renderer(scene_graph, projector, _LAMP_AT_CAMERA)
-    core = _core(config.intrinsics, projector, RigidTransform())
-    echo_depth = DepthRenderCamera(core, DepthRange(_NEAR, _FAR))
+    core = camera_core(K, projector, _FAR)
+    echo_depth = DepthRenderCamera(core, seen)
     echo = RgbdSensor(*mount, ColorRenderCamera(core), echo_depth)
     builder.AddNamedSystem("projector_sensor", echo)
     return sensor, echo
@@ -105,18 +102,3 @@ def _add_renderer(
     params.lights = [LightParameter(type="directional", **light) for light in lights]
     params.default_clear_color = np.array([0.3, 0.4, 0.45])
     scene_graph.AddRenderer(name, MakeRenderEngineVtk(params))
-
-
-def _core(
-    intrinsics: CameraIntrinsics, renderer: str, X_BS: RigidTransform
-) -> RenderCameraCore:
-    # Drake's pixel centres lie at half integers.
-    info = CameraInfo(
-        width=intrinsics.width,
-        height=intrinsics.height,
-        focal_x=intrinsics.fx,
-        focal_y=intrinsics.fy,
-        center_x=intrinsics.cx + 0.5,
-        center_y=intrinsics.cy + 0.5,
-    )
-    return RenderCameraCore(renderer, info, ClippingRange(_NEAR, _FAR), X_BS)

@@ -14,7 +14,6 @@ import numpy as np
 import trimesh
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
-    ClippingRange,
     DepthRange,
     DepthRenderCamera,
     GeometryInstance,
@@ -22,21 +21,19 @@ from pydrake.geometry import (
     MakeRenderEngineVtk,
     Mesh,
     PerceptionProperties,
-    RenderCameraCore,
     RenderEngineVtkParams,
     Rgba,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array, inverse
+from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
 from physim_drake.rendering.windows import DepthWindow, crop
 
-_NEAR, _FAR = 0.05, 8.0
 _SPACING = 25.0
 _ENGINE = "vtk"
 
@@ -111,17 +108,4 @@ class DepthRenderer:
 
 
 def _depth_camera(intrinsics: CameraIntrinsics) -> DepthRenderCamera:
-    core = RenderCameraCore(
-        _ENGINE,
-        CameraInfo(
-            width=intrinsics.width,
-            height=intrinsics.height,
-            focal_x=intrinsics.fx,
-            focal_y=intrinsics.fy,
-            center_x=intrinsics.cx + 0.5,
-            center_y=intrinsics.cy + 0.5,
-        ),
-        ClippingRange(_NEAR, _FAR),
-        RigidTransform(),
-    )
-    return DepthRenderCamera(core, DepthRange(_NEAR, _FAR))
+    return DepthRenderCamera(camera_core(intrinsics, _ENGINE), DepthRange(NEAR, FAR))

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import (
     Box,
-    ClippingRange,
     ColorRenderCamera,
     DepthRange,
     DepthRenderCamera,
@@ -29,7 +28,6 @@ from pydrake.geometry import (
     MakeRenderEngineVtk,
     Mesh,
     PerceptionProperties,
-    RenderCameraCore,
     RenderEngineVtkParams,
     RenderLabel,
     Rgba,
@@ -38,14 +36,13 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.appearance import Appearance, Light
+from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
 from physim_drake.scenes.containers import Container
 
-_NEAR, _FAR = 0.05, 8.0
 _ENGINE, _PROJECTOR_ENGINE = "vtk", "projector"
 _CONTAINER_LABEL = 0
 _PARKED = RigidTransform([0.0, 0.0, -100.0])
@@ -183,7 +180,7 @@ class SceneRenderer:
 
     def _labels(self, X_WC: Array, intrinsics: CameraIntrinsics) -> LabelImage:
         image = self._query.RenderLabelImage(
-            camera=ColorRenderCamera(_core(intrinsics)),
+            camera=ColorRenderCamera(camera_core(intrinsics, _ENGINE)),
             parent_frame=self._graph.world_frame_id(),
             X_PC=RigidTransform(X_WC),
         )
@@ -195,15 +192,16 @@ class SceneRenderer:
         self, X_WC: Array, intrinsics: CameraIntrinsics, engine: str
     ) -> NDArray[np.uint8]:
         image = self._query.RenderColorImage(
-            camera=ColorRenderCamera(_core(intrinsics, engine)),
+            camera=ColorRenderCamera(camera_core(intrinsics, engine)),
             parent_frame=self._graph.world_frame_id(),
             X_PC=RigidTransform(X_WC),
         )
         return np.array(image.data[:, :, :3])
 
     def _depth(self, X_WC: Array, intrinsics: CameraIntrinsics) -> DepthImage:
+        core = camera_core(intrinsics, _ENGINE)
         image = self._query.RenderDepthImage(
-            camera=DepthRenderCamera(_core(intrinsics), DepthRange(_NEAR, _FAR)),
+            camera=DepthRenderCamera(core, DepthRange(NEAR, FAR)),
             parent_frame=self._graph.world_frame_id(),
             X_PC=RigidTransform(X_WC),
         )
@@ -265,16 +263,3 @@ def _light(light: Light) -> LightParameter:
         frame=light.frame,
         cone_angle=light.cone_angle,
     )
-
-
-def _core(intrinsics: CameraIntrinsics, engine: str = _ENGINE) -> RenderCameraCore:
-    # Drake's pixel centres lie at half integers.
-    info = CameraInfo(
-        width=intrinsics.width,
-        height=intrinsics.height,
-        focal_x=intrinsics.fx,
-        focal_y=intrinsics.fy,
-        center_x=intrinsics.cx + 0.5,
-        center_y=intrinsics.cy + 0.5,
-    )
-    return RenderCameraCore(engine, info, ClippingRange(_NEAR, _FAR), RigidTransform())

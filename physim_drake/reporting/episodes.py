@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from physim_drake.files import write_atomically
 from physim_drake.picking.episode import EpisodeResult, figures
 from physim_drake.picking.task_state import EventKind
+from physim_drake.reporting.html import render_page
 
 _GOOD = (EventKind.PLACED,)
 _PLAIN = (EventKind.LOOK, EventKind.ESTIMATE, EventKind.PICK, EventKind.END)
@@ -38,14 +38,8 @@ def write_episodes_report(
     Raises:
         InputError: where it cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("physim_drake.reporting", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("episodes.html.j2").render(
+    page = render_page(
+        "episodes.html.j2",
         seed=seed,
         overall=figures(results),
         episodes=[

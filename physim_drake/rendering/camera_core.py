@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: MIT
+"""What Drake's renderers need to know of a camera."""
+
+from __future__ import annotations
+
+from pydrake.geometry import ClippingRange, RenderCameraCore
+from pydrake.math import RigidTransform
+from pydrake.systems.sensors import CameraInfo
+
+from physim_drake.camera import CameraIntrinsics
+
+NEAR, FAR = 0.05, 8.0
+"""What is nearer or farther is not rendered, m."""
+
+
+def camera_core(
+    intrinsics: CameraIntrinsics,
+    engine: str,
+    far: float = FAR,
+    X_BS: RigidTransform | None = None,
+) -> RenderCameraCore:
+    """A camera for one of a scene graph's renderers.
+
+    Args:
+        intrinsics: of the images.
+        engine: the renderer's name.
+        far: what is farther is not rendered, m.
+        X_BS: pose of the camera in the sensor's body; the body's own by default.
+    """
+    # Drake's pixel centres lie at half integers.
+    info = CameraInfo(
+        width=intrinsics.width,
+        height=intrinsics.height,
+        focal_x=intrinsics.fx,
+        focal_y=intrinsics.fy,
+        center_x=intrinsics.cx + 0.5,
+        center_y=intrinsics.cy + 0.5,
+    )
+    pose = RigidTransform() if X_BS is None else X_BS
+    return RenderCameraCore(engine, info, ClippingRange(NEAR, far), pose)
