@@ -37,6 +37,45 @@ class RgbdObservation:
     name: str = "observation"
 
     def __post_init__(self) -> None:
+        self._check_depth()
+        self._check_pose()
+        shape = self.depth.shape
+        if self.color is not None and self.color.shape != (*shape, 3):
+            raise InputError(
+                self.name,
+                f"has shape {self.color.shape}, depth {shape}",
+                "register colour to depth at the same size",
+                "color",
+            )
+        fits = (
+            self.intrinsics.fx > 0
+            and self.intrinsics.fy > 0
+            and -0.5 * shape[1] < self.intrinsics.cx < 1.5 * shape[1]
+            and -0.5 * shape[0] < self.intrinsics.cy < 1.5 * shape[0]
+        )
+        if not fits:
+            raise InputError(
+                self.name,
+                f"{self.intrinsics} do not fit an image of {shape[1]} x {shape[0]}",
+                "give fx, fy, cx, cy in pixels of this image",
+                "intrinsics",
+            )
+
+    def need_color(self) -> NDArray[np.uint8]:
+        """The colour image, (height, width, 3) RGB, by which objects are detected.
+
+        Raises:
+            InputError: where there is none.
+        """
+        if self.color is None:
+            raise InputError(
+                self.name,
+                "has no colour, by which objects are detected",
+                "give colour images, or detections",
+            )
+        return self.color
+
+    def _check_depth(self) -> None:
         shape = (self.intrinsics.height, self.intrinsics.width)
         if self.depth.ndim != 2 or self.depth.dtype != np.float32:
             raise InputError(
@@ -66,13 +105,8 @@ class RgbdObservation:
                 "check the depth file and depth_scale",
                 "depth",
             )
-        if self.color is not None and self.color.shape != (*shape, 3):
-            raise InputError(
-                self.name,
-                f"has shape {self.color.shape}, depth {shape}",
-                "register colour to depth at the same size",
-                "color",
-            )
+
+    def _check_pose(self) -> None:
         if self.X_WC is not None and self.X_WC.shape != (4, 4):
             raise InputError(
                 self.name, f"has shape {self.X_WC.shape}", "give a 4 x 4 pose", "X_WC"
@@ -85,19 +119,6 @@ class RgbdObservation:
                 "rotation is not orthonormal and right-handed",
                 "give a rotation matrix, rows first",
                 "X_WC",
-            )
-        fits = (
-            self.intrinsics.fx > 0
-            and self.intrinsics.fy > 0
-            and -0.5 * shape[1] < self.intrinsics.cx < 1.5 * shape[1]
-            and -0.5 * shape[0] < self.intrinsics.cy < 1.5 * shape[0]
-        )
-        if not fits:
-            raise InputError(
-                self.name,
-                f"{self.intrinsics} do not fit an image of {shape[1]} x {shape[0]}",
-                "give fx, fy, cx, cy in pixels of this image",
-                "intrinsics",
             )
 
 

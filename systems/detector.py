@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
 from physim_drake.detection.choosing import ChoiceConfig, choose_detections
-from physim_drake.errors import InputError
 from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.scenes.views import jittered_boxes
 from physim_drake.systems.camera_source import LabelImage
@@ -129,13 +128,8 @@ class TrainedDetector:
         generator: np.random.Generator,
     ) -> tuple[Detection, ...]:
         """Gives the detections to believe, surest first."""
-        if observation.color is None:
-            raise InputError(
-                observation.name,
-                "has no colour, by which objects are detected",
-                "give colour images",
-            )
-        found = self._network.detect(observation.color, observation.depth)
+        color = observation.need_color()
+        found = self._network.detect(color, observation.depth)
         height, width = observation.depth.shape
         return choose_detections(found, self._counts, (height, width), self._config)
 

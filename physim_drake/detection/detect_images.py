@@ -61,14 +61,9 @@ def detect_images(
     """
     for image in images:
         observation = dataset.observation(*image)
-        if observation.color is None:
-            raise InputError(
-                observation.name,
-                "has no colour, by which objects are detected",
-                "give colour images, or detections",
-            )
+        color = observation.need_color()
         start = time.monotonic()
-        found = detector.detect(observation.color, observation.depth, least_score)
+        found = detector.detect(color, observation.depth, least_score)
         yield DetectedImage(image, observation, found, time.monotonic() - start)
 
 

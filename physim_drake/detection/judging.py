@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from physim_drake.datasets.bop import BopDataset, ImageId
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.metrics import AveragePrecision, average_precision
-from physim_drake.errors import InputError
 
 
 def judge_detector(
@@ -31,10 +30,9 @@ def judge_detector(
     found, truth, seconds = [], [], 0.0
     for image in images:
         observation = dataset.observation(*image)
-        if observation.color is None:
-            raise InputError(observation.name, "has no colour", "give colour images")
+        color = observation.need_color()
         start = time.monotonic()
-        found.append(detector.detect(observation.color, observation.depth))
+        found.append(detector.detect(color, observation.depth))
         seconds += time.monotonic() - start
         truth.append(dataset.masks(*image))
     return average_precision(found, truth), seconds / max(len(images), 1)

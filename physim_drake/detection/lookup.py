@@ -11,7 +11,6 @@ from physim_drake.detection.choosing import assign_detections
 from physim_drake.detection.detect_images import known_targets, target_names
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.model_sizes import check_sizes
-from physim_drake.errors import InputError
 from physim_drake.observation import Detection
 
 
@@ -58,13 +57,7 @@ def network_lookup(
     def look_up(image: ImageId) -> list[Detection]:
         """The detections in an image, boxes in pixels; the network runs each time."""
         observation = dataset.observation(*image)
-        if observation.color is None:
-            raise InputError(
-                observation.name,
-                "has no colour, by which objects are detected",
-                "give colour images, or detections",
-            )
-        found = detector.detect(observation.color, observation.depth)
+        found = detector.detect(observation.need_color(), observation.depth)
         height, width = observation.depth.shape
         counts = {t.object_id: t.count for t in shown if (t.scene_id, t.im_id) == image}
         if counts:
