@@ -211,6 +211,7 @@ class Stopwatch:
 
     def _timed(self, call: Callable[..., Any], stage: str) -> Callable[..., Any]:
         def timed(*args: Any, **kwargs: Any) -> Any:
+            """Calls, and books the time unless a call around this one does."""
             if self._inside:
                 return call(*args, **kwargs)
             self._inside, begin = True, time.monotonic()

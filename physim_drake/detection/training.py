@@ -198,6 +198,7 @@ def _samples(
     with ThreadPoolExecutor(1) as pool:
 
         def draw(step: int) -> list[Sample]:
+            """The batch of a step."""
             return [
                 augmenter.draw(
                     np.random.default_rng([config.seed, 3, step, k]),
@@ -207,6 +208,7 @@ def _samples(
             ]
 
         def batches() -> Iterator[list[Sample]]:
+            """Asks for each batch a few steps before it gives it."""
             ahead: deque[Future[list[Sample]]] = deque()
             for step in range(first, config.steps + _PREFETCHED):
                 if step < config.steps:

@@ -12,7 +12,7 @@ import networkx as nx
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
+from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
 from physim_drake.estimate import SearchTrace
@@ -179,35 +179,45 @@ def tree_blocks(record: SearchRecord, names: Sequence[str]) -> list[Block]:
         names: of all objects.
     """
     root = record.tree()
-    best = record.result.states[0].hypotheses if record.result.states else ()
     means = [node.mean for node in _below(root)]
     # A few bad hypotheses would take all the colours.
     low, high = np.percentile(means or [0.0], [10, 100])
+    colors = Normalize(low, max(high, low + 1e-9), clip=True)
+    return _blocks_below(root, record, names, colors, 0.0, 1.0)
+
+
+def _blocks_below(
+    node: TreeNode,
+    record: SearchRecord,
+    names: Sequence[str],
+    colors: Normalize,
+    x: float,
+    width: float,
+) -> list[Block]:
+    """The blocks below a node that is drawn from `x` on and `width` wide."""
+    best = record.result.states[0].hypotheses if record.result.states else ()
     blocks: list[Block] = []
-
-    def add(node: TreeNode, x: float, width: float) -> None:
-        for child in node.children:
-            share = width * child.visits / max(node.visits, 1)
-            row = len(child.path) - 1
-            value = max(child.mean - low, 0.0) / max(high - low, 1e-9)
-            blocks.append(
-                Block(
-                    x,
-                    share,
-                    row,
-                    to_hex(matplotlib.colormaps["viridis"](value)),
-                    value < 0.6,
-                    child.path[-1] + 1,
-                    f"{names[record.order[row]]} at hypothesis {child.path[-1] + 1}: "
-                    f"tried {child.visits} times, score {child.mean:,.0f} on average, "
-                    f"{child.best:,} at best",
-                    child.path == best[: row + 1],
-                )
+    for child in node.children:
+        share = width * child.visits / max(node.visits, 1)
+        row = len(child.path) - 1
+        value = float(colors(child.mean))
+        hypothesis = child.path[-1] + 1
+        blocks.append(
+            Block(
+                x,
+                share,
+                row,
+                to_hex(matplotlib.colormaps["viridis"](value)),
+                value < 0.6,
+                hypothesis,
+                f"{names[record.order[row]]} at hypothesis {hypothesis}: "
+                f"tried {child.visits} times, score {child.mean:,.0f} on average, "
+                f"{child.best:,} at best",
+                child.path == best[: row + 1],
             )
-            add(child, x, share)
-            x += share
-
-    add(root, 0.0, 1.0)
+        )
+        blocks += _blocks_below(child, record, names, colors, x, share)
+        x += share
     return blocks
 
 

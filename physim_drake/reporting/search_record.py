@@ -107,6 +107,7 @@ def grown_tree(selections: Sequence[Selection]) -> TreeNode:
             children.setdefault(path[:-1], []).append(path)
 
     def node_at(path: Path) -> TreeNode:
+        """The node at the end of a path, with all below it."""
         known = scores[path] or [0]
         below = tuple(node_at(child) for child in children.get(path, ()))
         mean = sum(known) / len(known)
