@@ -117,15 +117,7 @@ class PoseEstimator(Closing):
             for k, segment in enumerate(scene.segments)
             if len(segment.points) >= self._config.min_segment_points
         ]
-        found: dict[int, PoseHypotheses] = {}
-        if hypotheses is not None:
-            given = zip(detections, hypotheses, strict=True)
-            found = {
-                k: h for k, (_, h) in enumerate(given) if k in large and len(h.X_SO)
-            }
-        elif self._config.method.makes_hypotheses:
-            requests = [(k, _NOTHING) for k in large]
-            found = make_hypotheses(self._pool, self._config, requests, 0)
+        found = self._found(detections, large, hypotheses)
         clock.lap("hypotheses")
         search = SceneSearch(scene, self._library, self._pool, self._config, clock)
         if self._config.method.searches:
@@ -151,6 +143,23 @@ class PoseEstimator(Closing):
         )
         warning = size_warning(observation, detections, self._library)
         return with_warning(estimate, warning)
+
+    def _found(
+        self,
+        detections: Sequence[Detection],
+        large: Sequence[int],
+        hypotheses: Sequence[PoseHypotheses] | None,
+    ) -> dict[int, PoseHypotheses]:
+        """Hypotheses of the objects with large segments: those given, or new ones."""
+        if hypotheses is not None:
+            given = zip(detections, hypotheses, strict=True)
+            return {
+                k: h for k, (_, h) in enumerate(given) if k in large and len(h.X_SO)
+            }
+        if self._config.method.makes_hypotheses:
+            requests = [(k, _NOTHING) for k in large]
+            return make_hypotheses(self._pool, self._config, requests, 0)
+        return {}
 
     def _confirms(
         self, estimate: SceneEstimate, detections: Sequence[Detection]

@@ -75,20 +75,8 @@ class ScenePlant:
     ) -> None:
         self.objects, self._config = tuple(objects), config
         builder = DiagramBuilder()
-        self._plant, scene_graph = AddMultibodyPlant(
-            MultibodyPlantConfig(
-                time_step=config.time_step,
-                discrete_contact_approximation="sap",
-                contact_model="hydroelastic",
-                use_sampled_output_ports=False,
-            ),
-            builder,
-        )
-        # Overlap is pushed out with this time constant; Drake's 0.1 s creeps.
-        defaults = SceneGraphConfig()
-        defaults.default_proximity_properties.relaxation_time = _RELAXATION_TIME
-        scene_graph.set_config(defaults)
-        plant = self._plant
+        plant, scene_graph = _empty_plant(builder, config)
+        self._plant, self._graph = plant, scene_graph
         parser = Parser(plant)
         parser.SetAutoRenaming(True)  # an object may be there twice
         (instance,) = parser.AddModels(container.sdf)
@@ -116,7 +104,6 @@ class ScenePlant:
         self._simulator = Simulator(self._diagram)
         self._root = self._simulator.get_mutable_context()
         self._context = plant.GetMyMutableContextFromRoot(self._root)
-        self._graph = scene_graph
         self._graph_context = scene_graph.GetMyContextFromRoot(self._root)
         for n in range(len(objects)):
             self.park(n)
@@ -231,3 +218,21 @@ class ScenePlant:
             if not speed < limits.speed or not np.linalg.norm(w) < limits.angular_speed:
                 return False
         return True
+
+
+def _empty_plant(builder: DiagramBuilder, config: SettlingConfig) -> tuple[Any, Any]:
+    """A plant with hydroelastic contact that pushes out overlap; its scene graph."""
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=config.time_step,
+            discrete_contact_approximation="sap",
+            contact_model="hydroelastic",
+            use_sampled_output_ports=False,
+        ),
+        builder,
+    )
+    # Overlap is pushed out with this time constant; Drake's 0.1 s creeps.
+    defaults = SceneGraphConfig()
+    defaults.default_proximity_properties.relaxation_time = _RELAXATION_TIME
+    scene_graph.set_config(defaults)
+    return plant, scene_graph
