@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -17,6 +16,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
+from physim_drake.errors import InputError
+from physim_drake.files import write_atomically
 from physim_drake.poses import Array
 
 MAX_HULL_FACES = 80
@@ -185,14 +186,11 @@ def _load_cached(key: str) -> list[Array] | None:
 
 
 def _store_cached(key: str, clouds: list[Array]) -> None:
-    """Writes under a temporary name first: other processes may read meanwhile."""
+    """Keeps them for other runs; other processes may read meanwhile."""
     try:
         folder = _cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            dir=folder, suffix=".part", delete=False
-        ) as file:
+        with write_atomically(folder / f"{key}.npz", "wb") as file:
             np.savez_compressed(file, *clouds)
-        Path(file.name).replace(folder / f"{key}.npz")
-    except (OSError, RuntimeError):
+    except (OSError, InputError, RuntimeError):
         return  # a cache that cannot be written only costs time

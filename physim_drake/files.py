@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import secrets
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,14 +16,30 @@ from typing import IO, Any, Literal, TextIO, overload
 
 from physim_drake.errors import InputError
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
 
 def cannot_write(path: Path, error: OSError) -> InputError:
     """The `InputError` that says why `path` cannot be written."""
-    return InputError(
-        path,
-        f"cannot be written: {error.strerror or error}",
-        "choose a path in a folder that exists, is writable and has space left",
-    )
+    remedy = "choose a path in a folder that exists and is writable"
+    if error.errno in _FULL:
+        remedy = "make room there, or choose a place that has some (for temporary "
+        remedy += "files, with the variable TMPDIR)"
+    return InputError(path, f"cannot be written: {error.strerror or error}", remedy)
+
+
+def check_writable(path: Path) -> None:
+    """Sees whether a file could be made, before the work whose result it is to hold.
+
+    Raises:
+        InputError: where it could not.
+    """
+    if not is_written_straight(path):
+        try:
+            with tempfile.TemporaryFile(dir=Path(os.path.realpath(path)).parent):
+                pass
+        except OSError as error:
+            raise cannot_write(path, error) from error
 
 
 def make_folder(folder: Path) -> None:
@@ -90,6 +109,33 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
         if not direct:
             with suppress(OSError):  # gone after the rename, or never made
                 scratch.unlink()
+
+
+@contextmanager
+def fill_folder(folder: Path) -> Iterator[Path]:
+    """Gives a folder to fill that becomes `folder` only when the block ends well.
+
+    When the block raises, what it wrote is removed; a process that is killed leaves it,
+    under a name that begins with a dot and ends in ".tmp".
+
+    Args:
+        folder: must not exist, or be empty.
+
+    Raises:
+        InputError: where it cannot be written.
+    """
+    scratch = folder.with_name(f"{_prefix(folder)}{secrets.token_hex(4)}.tmp")
+    try:
+        scratch.mkdir()
+        yield scratch
+        os.rename(scratch, folder)
+    except OSError as error:
+        # An error of another file, raised inside the block, is not about this one.
+        if error.filename and not Path(error.filename).is_relative_to(scratch):
+            raise
+        raise cannot_write(folder, error) from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def is_written_straight(path: Path) -> bool:

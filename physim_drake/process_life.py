@@ -173,7 +173,7 @@ def _attempt(kind: str, data: bytes, target: Any) -> Reply:
             return "result", pickle.loads(data)()
         method, args = pickle.loads(data)
         return "result", getattr(target, method)(*args) if method else None
-    except PhysimError as error:
+    except (PhysimError, OSError) as error:
         return "error", error
     except Exception:
         return "crash", traceback.format_exc()

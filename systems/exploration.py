@@ -15,8 +15,8 @@ import numpy as np
 from physim_drake.closing import Closing
 from physim_drake.datasets.bop_writer import (
     BopImage,
+    json_text,
     write_bop_models,
-    write_json,
 )
 from physim_drake.detection.multiview import AgreedObject, EstimatedView
 from physim_drake.detection.projection import ObjectArea, project_objects
@@ -29,7 +29,12 @@ from physim_drake.detection.self_learning import (
 from physim_drake.errors import InputError
 from physim_drake.estimate import SceneEstimate
 from physim_drake.estimation import PoseEstimator
-from physim_drake.files import cannot_write, make_folder
+from physim_drake.files import (
+    cannot_write,
+    fill_folder,
+    make_folder,
+    write_atomically,
+)
 from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import RgbdObservation
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
@@ -252,7 +257,8 @@ def explore_scenes(
             "missed": sum(f["missed"] for f in facts),
             "scenes": facts,
         }
-        write_json(out / LEARNING_FILE, figures)
+        with write_atomically(out / LEARNING_FILE) as file:
+            file.write(json_text(figures))
     return figures
 
 
@@ -281,7 +287,8 @@ def _new_dataset(out: Path, library: ObjectLibrary) -> Iterator[Path]:
     if any(out.iterdir()):
         raise InputError(out, "is not empty", "choose a new folder")
     try:
-        write_bop_models(out / "models", library)
+        with fill_folder(out / "models") as scratch:
+            write_bop_models(scratch, library)
         make_folder(out / SPLIT)
         yield out / SPLIT
     except OSError as error:

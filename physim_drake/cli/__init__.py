@@ -7,8 +7,11 @@ completion answer at once.
 
 from __future__ import annotations
 
+import logging
+import os
 import sys
-from typing import Annotated
+from contextlib import suppress
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -74,17 +77,20 @@ def _options(
 def main() -> None:
     """Runs the program.
 
-    An error that a user can cause is one line, with exit status 2; Ctrl-C and SIGTERM
-    stop it with one line, too, and exit status 130 or 143.
+    An error that a user can cause is one line, with exit status 2, and so is a file
+    that fails where none was expected to; Ctrl-C and SIGTERM stop it with one line,
+    too, and exit status 130 or 143.
     """
     with Interrupts(next(iter(sys.argv[1:]), "")) as interrupts:
         try:
             app()
         except PhysimError as error:
             if interrupts.number is None:
-                message = " ".join(str(error).split())
-                print(f"error: {message}", file=sys.stderr)
-                sys.exit(2)
+                _end(str(error))
+        except OSError as error:
+            if interrupts.number is None:
+                logging.getLogger(__name__).debug("what failed:", exc_info=True)
+                _end(_told(error))
         except KeyboardInterrupt:
             pass
         except SystemExit as end:
@@ -96,3 +102,25 @@ def main() -> None:
             if interrupts.number is None:
                 raise
         interrupts.end()
+
+
+def _end(message: str) -> NoReturn:
+    """Ends the program with one line about what is wrong."""
+    with suppress(OSError):  # stderr may lie on the disk that is full
+        print(f"error: {' '.join(message.split())}", file=sys.stderr, flush=True)
+    sys.exit(2)
+
+
+def _told(error: OSError) -> str:
+    """What is said of a file, or of the output, that fails."""
+    where = error.filename or "a file"
+    try:
+        sys.stdout.flush()
+    except OSError:
+        where = "the output"
+        # What is left of it would fail again at the end of the program.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return (
+        f"{where}: cannot be read or written: {error.strerror or error}; see that it "
+        "is there, may be used, and that its disk has space left"
+    )

@@ -80,13 +80,14 @@ def detect(
     )
     from physim_drake.detection.detector import NetworkDetector
     from physim_drake.detection.drawing import draw_detections
-    from physim_drake.files import make_folder
+    from physim_drake.files import check_writable, make_folder
     from physim_drake.rendering.overlay import write_png
 
     data = BopDataset(dataset, split)
     images = data.images()
     detector = NetworkDetector.load(weights, threads)
     detector.check_objects(target_names(data), dataset)
+    check_writable(out)
     if overlays is not None:
         make_folder(overlays)
     names = {c.object_id: c.name for c in detector.classes}

@@ -74,9 +74,12 @@ def evaluate(
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results import read_results
     from physim_drake.evaluation.evaluate import evaluate_results
+    from physim_drake.files import check_writable
     from physim_drake.objects import ObjectLibrary
     from physim_drake.rendering.depth import DepthRenderer
 
+    if json_file is not None and str(json_file) != "-":
+        check_writable(json_file)
     data = BopDataset(dataset, split, models)
     rows = read_results(results)
     object_ids = {target.object_id for target in data.targets()}

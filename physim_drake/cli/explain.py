@@ -124,7 +124,7 @@ def explain(
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.errors import InputError
     from physim_drake.estimation import EstimationConfig
-    from physim_drake.files import make_folder
+    from physim_drake.files import check_writable, make_folder
     from physim_drake.objects import ObjectLibrary
     from physim_drake.reporting.explanation import explain_image
     from physim_drake.reporting.explanation_page import write_explanation
@@ -142,6 +142,7 @@ def explain(
     config = EstimationConfig(seed=seed, workers=workers or default_workers())
     config = config.with_budget(expansions, hypotheses)
     make_folder(out)
+    check_writable(out / "page.html")
     console = messages(quiet)
     with console.status("estimating, and watching how"):
         explanation = explain_image(

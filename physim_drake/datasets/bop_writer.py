@@ -85,13 +85,13 @@ def write_bop_models(folder: Path, library: ObjectLibrary) -> None:
     """Writes PLY models in millimetres, their textures and `models_info.json`.
 
     Args:
-        folder: is made.
+        folder: is made, unless it is there and empty.
         library: the objects.
 
     Raises:
         OSError: where a file cannot be written.
     """
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     infos = {}
     for object_id, model in library.items():
         _write_ply(folder, f"obj_{object_id:06d}", model)
@@ -100,15 +100,16 @@ def write_bop_models(folder: Path, library: ObjectLibrary) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Writes JSON with a line for each member of the outermost value."""
-    items: list[str]
+    """Writes `json_text`; raises `OSError` where that fails."""
+    path.write_text(json_text(value), encoding="utf-8")
+
+
+def json_text(value: Any) -> str:
+    """JSON with a line for each member of the outermost value."""
     if isinstance(value, dict):
         items = [f"{json.dumps(k)}: {_compact(v)}" for k, v in value.items()]
-        text = "{\n" + ",\n".join(items) + "\n}\n"
-    else:
-        items = [_compact(v) for v in value]
-        text = "[\n" + ",\n".join(items) + "\n]\n"
-    path.write_text(text, encoding="utf-8")
+        return "{\n" + ",\n".join(items) + "\n}\n"
+    return "[\n" + ",\n".join(_compact(v) for v in value) + "\n]\n"
 
 
 def _compact(value: Any) -> str:

@@ -10,9 +10,6 @@ Simulation and Multi-view Pose Estimation", IROS 2017).
 
 from __future__ import annotations
 
-import os
-import secrets
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,7 +33,7 @@ from physim_drake.detection.projection import (
 )
 from physim_drake.errors import InputError
 from physim_drake.estimation import PoseEstimator
-from physim_drake.files import cannot_write
+from physim_drake.files import fill_folder
 from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.poses import Array
@@ -177,16 +174,9 @@ def write_labelled_scene(
     Raises:
         InputError: where that cannot be done.
     """
-    target = split / f"{scene_id:06d}"
-    scratch = split / f".{target.name}.{secrets.token_hex(4)}.tmp"
     names = {object_id: library[object_id].name for object_id in library}
-    try:
+    with fill_folder(split / f"{scene_id:06d}") as scratch:
         write_bop_scene(scratch, images, names)
-        os.rename(scratch, target)
-    except OSError as error:
-        raise cannot_write(target, error) from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _refuted(projected: Sequence[ProjectedObjects], count: int) -> Array:

@@ -54,16 +54,24 @@ class TrainingImages:
 
     Args:
         folder: where `pack_images` put them.
+
+    Raises:
+        InputError: where a file is missing or damaged.
     """
 
     def __init__(self, folder: Path) -> None:
         notes = read_json(folder / _NOTES).value
         self._object_ids: list[list[int]] = notes["object_ids"]
-        self._color = np.load(folder / "color.npy", mmap_mode="r")
-        self._labels = np.load(folder / "labels.npy", mmap_mode="r")
-        self._depth = None
-        if (folder / "depth.npy").exists():
-            self._depth = np.load(folder / "depth.npy", mmap_mode="r")
+        try:
+            self._color = np.load(folder / "color.npy", mmap_mode="r")
+            self._labels = np.load(folder / "labels.npy", mmap_mode="r")
+            self._depth = None
+            if (folder / "depth.npy").exists():
+                self._depth = np.load(folder / "depth.npy", mmap_mode="r")
+        except (OSError, ValueError) as error:  # one is missing, or cut short
+            raise InputError(
+                folder, f"cannot be used ({error})", "remove it, and --resume"
+            ) from error
 
     def __len__(self) -> int:
         return len(self._object_ids)

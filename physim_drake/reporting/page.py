@@ -89,9 +89,6 @@ def write_report(
         gallery=_gallery(study, shown, gallery),
         gallery_method=shown.name,
     )
-    path = folder / "index.html"
-    with write_atomically(path) as file:
-        file.write(page)
     with write_atomically(folder / "report.json") as file:
         figures = _as_dict(study, runs, quality)
         figures["detector"] = {name: asdict(loss) for name, loss in losses.items()}
@@ -99,6 +96,10 @@ def write_report(
         json.dump(figures, file, indent=1, allow_nan=False)
         file.write("\n")
     _write_tables(folder, names, rows, runs, quality)
+    # Last, so that where there is a page there is all of the report.
+    path = folder / "index.html"
+    with write_atomically(path) as file:
+        file.write(page)
     return path
 
 

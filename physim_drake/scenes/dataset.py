@@ -10,7 +10,6 @@ folders, and a resumed one makes the rest.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
@@ -21,11 +20,11 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from physim_drake.datasets.bop_writer import write_bop_models, write_json
+from physim_drake.datasets.bop_writer import json_text, write_bop_models
 from physim_drake.datasets.json_nodes import read_json
 from physim_drake.engine import Engine
 from physim_drake.errors import InputError
-from physim_drake.files import cannot_write, write_atomically
+from physim_drake.files import cannot_write, fill_folder, write_atomically
 from physim_drake.objects import ObjectLibrary
 from physim_drake.processes import SupervisedPool, SupervisionConfig
 from physim_drake.ray_pool import RayPool
@@ -97,7 +96,7 @@ def generate_dataset(
             _run(split, maker, limit, todo, workers, progress, len(done))
         _finish(root, settings, scenes)
     except OSError as error:
-        raise cannot_write(root, error) from error
+        raise cannot_write(Path(error.filename or root), error) from error
 
 
 def _settings(
@@ -154,20 +153,23 @@ def _write_models(root: Path, library: ObjectLibrary) -> dict[int, Path]:
     """Writes the models, unless an earlier run has; returns the SDF files."""
     models, drake_models = root / "models", root / MODELS_FOLDER
     if not models.is_dir():
-        scratch = root / ".models.tmp"
-        write_bop_models(scratch, library)
-        os.rename(scratch, models)
+        with fill_folder(models) as scratch:
+            write_bop_models(scratch, library)
     if not drake_models.is_dir():
-        scratch = root / ".drake_models.tmp"
-        write_models(library, scratch)
-        for name in ContainerName:
-            shutil.copyfile(load_container(name).sdf, scratch / f"{name}.sdf")
-        os.rename(scratch, drake_models)
-    (root / "package.xml").write_text(PACKAGE_XML, encoding="utf-8")
+        with fill_folder(drake_models) as scratch:
+            write_models(library, scratch)
+            for name in ContainerName:
+                shutil.copyfile(load_container(name).sdf, scratch / f"{name}.sdf")
+    with write_atomically(root / "package.xml") as file:
+        file.write(PACKAGE_XML)
     files = {}
     for object_id in library:
         folder = drake_models / f"obj_{object_id:06d}"
-        files[object_id] = next(folder.glob("*.sdf"))
+        files[object_id] = next(folder.glob("*.sdf"), folder)
+        if files[object_id] == folder:
+            raise InputError(
+                folder, "holds no model", f"remove {drake_models}, and run again"
+            )
     return files
 
 
@@ -268,12 +270,11 @@ def _run_on_cluster(
     with RayPool(partial(SceneSender, library, config)) as pool:
         made = pool.stream("make", [(scene_id,) for scene_id in todo])
         for n, (index, files) in enumerate(made, start=done + 1):
-            scratch = split / f".{todo[index]:06d}.tmp"
-            for name, data in files.items():
-                path = scratch / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(data)
-            scratch.rename(split / f"{todo[index]:06d}")
+            with fill_folder(split / f"{todo[index]:06d}") as scratch:
+                for name, data in files.items():
+                    path = scratch / name
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_bytes(data)
             progress(n)
 
 
@@ -312,7 +313,6 @@ def _finish(root: Path, settings: dict[str, Any], scenes: int) -> None:
         ("detections.json", detections),
         ("test_targets_bop19.json", targets),
     ):
-        scratch = root / f".{name}.tmp"
-        write_json(scratch, value)
-        os.replace(scratch, root / name)
+        with write_atomically(root / name) as file:
+            file.write(json_text(value))
     _write_state(root, settings, complete=True)

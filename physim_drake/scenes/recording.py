@@ -8,9 +8,6 @@ workers can share the scenes out in any way.
 from __future__ import annotations
 
 import gc
-import os
-import secrets
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +18,8 @@ import numpy as np
 from physim_drake.color_noise import ColorNoise
 from physim_drake.datasets.bop_writer import BopImage, write_bop_scene, write_json
 from physim_drake.depth_noise import DepthNoise
-from physim_drake.errors import PhysimError
-from physim_drake.files import cannot_write
+from physim_drake.errors import InputError, PhysimError
+from physim_drake.files import fill_folder
 from physim_drake.objects import ObjectLibrary
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.scenes.config import SceneConfig
@@ -132,13 +129,15 @@ def write_scene(
     """Writes scene `scene_id` below `split`, whole or not at all.
 
     Raises:
-        InputError: where it cannot be written.
+        InputError: where it cannot be written, or a model is there no more.
         PhysimError: see `record_scene`.
     """
-    record = record_scene(library, config, scene_id, model_files)
-    target = split / f"{scene_id:06d}"
-    scratch = split / f".{target.name}.{secrets.token_hex(4)}.tmp"
     try:
+        record = record_scene(library, config, scene_id, model_files)
+    except RuntimeError:  # as Drake has it
+        _check_there(model_files)
+        raise
+    with fill_folder(split / f"{scene_id:06d}") as scratch:
         names = {object_id: library[object_id].name for object_id in library}
         write_bop_scene(scratch, _images(record), names)
         uris = {
@@ -148,11 +147,14 @@ def write_scene(
         text = directives_text(record.scene, uris)
         (scratch / "scene.dmd.yaml").write_text(text, encoding="utf-8")
         write_json(scratch / FACTS_FILE, _facts(record))
-        os.rename(scratch, target)
-    except OSError as error:
-        raise cannot_write(target, error) from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _check_there(files: Mapping[int, Path]) -> None:
+    """Raises `InputError` where one of the files, or of those beside it, is missing."""
+    for path in files.values():
+        for part in (path, path.with_suffix(".obj"), path.with_suffix(".mtl")):
+            if not part.exists():
+                raise InputError(part, "was removed during the run", "run again")
 
 
 def _look_at(
