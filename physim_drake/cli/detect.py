@@ -8,7 +8,14 @@ from typing import Annotated
 
 import typer
 
-from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.cli.options import (
+    LogLevel,
+    LogLevelName,
+    NetworkWeights,
+    Quiet,
+    Split,
+    messages,
+)
 from physim_drake.extras import need_extra
 from physim_drake.models import DETECTOR
 
@@ -28,17 +35,8 @@ def detect(
             show_default=False,
         ),
     ],
-    weights: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="Weights of the network; physim-drake train writes them.",
-            show_default="those of apc11",
-        ),
-    ] = DETECTOR,
-    split: Annotated[
-        str, typer.Option(help="Folder of the images, below DATASET.")
-    ] = "test",
+    weights: NetworkWeights = DETECTOR,
+    split: Split = "test",
     least_score: Annotated[
         float,
         typer.Option(min=0.0, max=1.0, help="Detections of a lower score are dropped."),

@@ -13,11 +13,17 @@ import typer
 from typer.core import TyperCommand
 
 from physim_drake.cli.options import (
+    DatasetModels,
     EngineOption,
+    Expansions,
+    Hypotheses,
     LogLevel,
     LogLevelName,
+    Masks,
     Plain,
     Quiet,
+    Seed,
+    Split,
     messages,
     surface_height,
 )
@@ -71,16 +77,8 @@ def estimate(
             show_default=False,
         ),
     ],
-    split: Annotated[
-        str, typer.Option(help="Folder of the images, below DATASET.")
-    ] = "test",
-    models: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the object models; by default DATASET/models.",
-        ),
-    ] = None,
+    split: Split = "test",
+    models: DatasetModels = None,
     detections: Annotated[
         Path | None,
         typer.Option(
@@ -90,13 +88,7 @@ def estimate(
             "and where there is none, what the network of the package detects.",
         ),
     ] = None,
-    masks: Annotated[
-        bool,
-        typer.Option(
-            "--masks",
-            help="Take the dataset's masks (mask_visib) instead of detections.",
-        ),
-    ] = False,
+    masks: Masks = False,
     weights: Annotated[
         Path | None,
         typer.Option(
@@ -136,19 +128,9 @@ def estimate(
             "segments from a network."
         ),
     ] = "physim-mcts",
-    expansions: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            help="Budget of the search: the states that it tries for each group of "
-            "objects.",
-        ),
-    ] = 250,
+    expansions: Expansions = 250,
     plain: Plain = False,
-    hypotheses: Annotated[
-        int,
-        typer.Option(min=1, help="Poses of each object that the search chooses from."),
-    ] = 25,
+    hypotheses: Hypotheses = 25,
     least_confidence: Annotated[
         float | None,
         typer.Option(
@@ -168,7 +150,7 @@ def estimate(
             f"{MAX_DEFAULT_WORKERS}. The poses do not depend on it.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
+    seed: Seed = 0,
     images: Annotated[
         list[str] | None,
         typer.Option(

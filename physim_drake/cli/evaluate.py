@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from physim_drake.cli.options import DatasetModels, Split, write_json
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -39,16 +41,8 @@ def evaluate(
             "JSON instead.",
         ),
     ] = None,
-    models: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the object models; by default DATASET/models.",
-        ),
-    ] = None,
-    split: Annotated[
-        str, typer.Option(help="Folder of the images, below DATASET.")
-    ] = "test",
+    models: DatasetModels = None,
+    split: Split = "test",
     vsd: Annotated[
         bool,
         typer.Option(
@@ -70,7 +64,6 @@ def evaluate(
     """
     from rich.console import Console
 
-    from physim_drake.cli.options import write_json
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results import read_results
     from physim_drake.evaluation.evaluate import evaluate_results

@@ -9,9 +9,15 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import (
+    DatasetModels,
+    Expansions,
+    Hypotheses,
     LogLevel,
     LogLevelName,
+    Masks,
     Quiet,
+    Seed,
+    Split,
     messages,
     surface_height,
 )
@@ -41,16 +47,8 @@ def explain(
             show_default=False,
         ),
     ],
-    split: Annotated[
-        str, typer.Option(help="Folder of the images, below DATASET.")
-    ] = "test",
-    models: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the object models; by default DATASET/models.",
-        ),
-    ] = None,
+    split: Split = "test",
+    models: DatasetModels = None,
     detections: Annotated[
         Path | None,
         typer.Option(
@@ -59,13 +57,7 @@ def explain(
             "DATASET/detections.json.",
         ),
     ] = None,
-    masks: Annotated[
-        bool,
-        typer.Option(
-            "--masks",
-            help="Take the dataset's masks (mask_visib) instead of detections.",
-        ),
-    ] = False,
+    masks: Masks = False,
     targets: Annotated[
         Path | None,
         typer.Option(
@@ -82,18 +74,8 @@ def explain(
             "the surface in the image.",
         ),
     ] = "auto",
-    expansions: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            help="Budget of the search: the states that it tries for each group of "
-            "objects.",
-        ),
-    ] = 250,
-    hypotheses: Annotated[
-        int,
-        typer.Option(min=1, help="Poses of each object that the search chooses from."),
-    ] = 25,
+    expansions: Expansions = 250,
+    hypotheses: Hypotheses = 25,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -102,7 +84,7 @@ def explain(
             help="Number of processes; by default one for each core, up to 4.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
+    seed: Seed = 0,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:

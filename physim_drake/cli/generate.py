@@ -15,6 +15,7 @@ from physim_drake.cli.options import (
     LogLevel,
     LogLevelName,
     Quiet,
+    Seed,
     messages,
 )
 from physim_drake.engine import Engine
@@ -43,7 +44,7 @@ def generate(
         Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
     ],
     scenes: Annotated[int, typer.Option(min=1, help="Number of scenes.")] = 10,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
+    seed: Seed = 0,
     levels: Annotated[
         str,
         typer.Option(

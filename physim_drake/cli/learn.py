@@ -8,7 +8,14 @@ from typing import Annotated
 
 import typer
 
-from physim_drake.cli.options import LogLevel, LogLevelName, Quiet, messages
+from physim_drake.cli.options import (
+    LogLevel,
+    LogLevelName,
+    NetworkWeights,
+    Quiet,
+    Seed,
+    messages,
+)
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
 
@@ -17,14 +24,7 @@ def learn(
     out: Annotated[
         Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
     ],
-    weights: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="Weights of the detector; physim-drake train writes them.",
-            show_default="those of apc11",
-        ),
-    ] = DETECTOR,
+    weights: NetworkWeights = DETECTOR,
     scenario: Annotated[
         Path | None,
         typer.Option(
@@ -68,7 +68,7 @@ def learn(
             help="Number of CPU threads of the network; by default one for each core.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
+    seed: Seed = 0,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:

@@ -18,6 +18,55 @@ from physim_drake.log_levels import LogLevels
 if TYPE_CHECKING:
     from rich.console import Console
 
+Split = Annotated[str, typer.Option(help="Folder of the images, below DATASET.")]
+"""Of commands that read a dataset."""
+
+DatasetModels = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR", help="Folder of the object models; by default DATASET/models."
+    ),
+]
+"""Of commands that read a dataset and need its objects."""
+
+Masks = Annotated[
+    bool,
+    typer.Option(
+        "--masks", help="Take the dataset's masks (mask_visib) instead of detections."
+    ),
+]
+"""Of commands that estimate poses in a dataset."""
+
+Expansions = Annotated[
+    int,
+    typer.Option(
+        min=1,
+        help="Budget of the search: the states that it tries for each group of "
+        "objects.",
+    ),
+]
+"""Of commands that search."""
+
+Hypotheses = Annotated[
+    int,
+    typer.Option(min=1, help="Poses of each object that the search chooses from."),
+]
+"""Of commands that search."""
+
+NetworkWeights = Annotated[
+    Path,
+    typer.Option(
+        "--weights",
+        metavar="FILE",
+        help="Weights of the network; physim-drake train writes them.",
+        show_default="those of apc11",
+    ),
+]
+"""Of commands that cannot do without a network; `DETECTOR` by default."""
+
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all random choices.")]
+"""Of commands that choose at random."""
+
 EngineOption = Annotated[
     Engine,
     typer.Option(

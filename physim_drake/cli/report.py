@@ -11,11 +11,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from physim_drake.cli.options import (
+    DatasetModels,
     EngineOption,
+    Expansions,
+    Hypotheses,
     LogLevel,
     LogLevelName,
+    Masks,
     Plain,
     Quiet,
+    Seed,
+    Split,
     messages,
 )
 from physim_drake.engine import Engine
@@ -54,16 +60,8 @@ def report(
             metavar="A,B,...", help="The methods to compare, separated by commas."
         ),
     ] = _METHODS,
-    split: Annotated[
-        str, typer.Option(help="Folder of the images, below DATASET.")
-    ] = "test",
-    models: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the object models; by default DATASET/models.",
-        ),
-    ] = None,
+    split: Split = "test",
+    models: DatasetModels = None,
     detections: Annotated[
         Path | None,
         typer.Option(
@@ -72,13 +70,7 @@ def report(
             "DATASET/detections.json.",
         ),
     ] = None,
-    masks: Annotated[
-        bool,
-        typer.Option(
-            "--masks",
-            help="Take the dataset's masks (mask_visib) instead of detections.",
-        ),
-    ] = False,
+    masks: Masks = False,
     detector: Annotated[
         bool,
         typer.Option(
@@ -95,26 +87,16 @@ def report(
             show_default="those of apc11",
         ),
     ] = None,
-    expansions: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            help="Budget of the search: the states that it tries for each group of "
-            "objects.",
-        ),
-    ] = 250,
+    expansions: Expansions = 250,
     plain: Plain = False,
-    hypotheses: Annotated[
-        int,
-        typer.Option(min=1, help="Poses of each object that the search chooses from."),
-    ] = 25,
+    hypotheses: Hypotheses = 25,
     workers: Annotated[
         int | None,
         typer.Option(
             min=1, help="Number of processes; by default one for each core, up to 4."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
+    seed: Seed = 0,
     vsd: Annotated[
         bool,
         typer.Option(

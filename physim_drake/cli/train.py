@@ -15,6 +15,7 @@ from physim_drake.cli.options import (
     LogLevel,
     LogLevelName,
     Quiet,
+    Seed,
     messages,
 )
 from physim_drake.cli.progress import Steps
@@ -189,7 +190,7 @@ def train(
             help="Save every so many steps: no more are lost when the run is cut off.",
         ),
     ] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random choices.")] = 0,
+    seed: Seed = 0,
     resume: Annotated[
         bool,
         typer.Option(
