@@ -3,35 +3,15 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from benchmarks.kill_cases import Case, estimate_case
 from benchmarks.kills import Tally, cut_off
 from physim_drake.models import APC11
-from tests.cli.test_estimate import SCENE, edit, twice
-
-
-@pytest.fixture
-def two_images(tmp_path: Path) -> Path:
-    """The example's image twice, with one object as the target."""
-    root = tmp_path / "two"
-    shutil.copytree(SCENE, root)
-    scene = root / "test" / "000001"
-    for name in ("rgb", "depth"):
-        shutil.copy(scene / name / "000000.png", scene / name / "000001.png")
-    for name in ("scene_camera.json", "scene_gt.json", "scene_gt_info.json"):
-        edit(scene / name, lambda value: value | {"1": value["0"]})
-    for name, key in (
-        ("detections.json", "image_id"),
-        ("test_targets_bop19.json", "im_id"),
-    ):
-        edit(root / name, lambda value, key=key: twice(value, key))
-    return root
+from tests.cli.estimating import two_images
 
 
 def check(tally: Tally, kills: int) -> None:
@@ -42,11 +22,10 @@ def check(tally: Tally, kills: int) -> None:
     assert tally.orphans == tally.litter == 0
 
 
-def test_estimates_survive_kills_on_one_worker_or_two(
-    two_images: Path, tmp_path: Path
-) -> None:
+def test_estimates_survive_kills_on_one_worker_or_two(tmp_path: Path) -> None:
     tally = Tally()
-    case = estimate_case(two_images, "--models", str(APC11))
+    dataset = two_images(tmp_path / "two")
+    case = estimate_case(dataset, "--models", str(APC11))
     case = replace(case, workers=(2,))
     cut_off(case, tmp_path / "runs", 3, np.random.default_rng(1), tally)
     check(tally, 3)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.processes import PROGRAM, end, run, session, started
 from physim_drake.models import APC11
-from tests.cli.test_estimate import SCENE
+from tests.cli.estimating import SCENE
 from tests.cli.test_pick import SHORT, scenario, without_times
 
 _LIMIT = 250.0  # s, on a busy machine
