@@ -113,7 +113,7 @@ def _end(message: str) -> NoReturn:
 
 def _told(error: OSError) -> str:
     """What is said of a file, or of the output, that fails."""
-    where = error.filename or "a file"
+    where = error.filename or "a file or the output"
     try:
         sys.stdout.flush()
     except OSError:

@@ -38,6 +38,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.files import cannot_write
 from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.appearance import Appearance, Light
 from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
@@ -217,7 +218,7 @@ class SceneRenderer:
         with tempfile.TemporaryDirectory() as folder:
             for n, prop in enumerate(props):
                 path = Path(folder) / f"{n}.png"
-                cv2.imwrite(str(path), prop.texture[..., ::-1])
+                _write_png(path, prop.texture)
                 self._add(
                     self._frames[0],
                     RigidTransform(prop.X_WP),
@@ -251,6 +252,15 @@ def _params(appearance: Appearance) -> Any:
     params.shadow_map_size = 1024
     params.default_clear_color = np.array(appearance.background)
     return params
+
+
+def _write_png(path: Path, image: NDArray[np.uint8]) -> None:
+    """Writes an RGB image, or says why not: half of one ends the process in VTK."""
+    _, data = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise cannot_write(path, error) from error
 
 
 def _light(light: Light) -> LightParameter:
