@@ -11,7 +11,10 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import (
+    Container,
+    ContainerOption,
     EngineOption,
+    LibraryFolder,
     LogLevel,
     LogLevelName,
     Quiet,
@@ -29,14 +32,6 @@ class Camera(StrEnum):
     D415 = "d415"
     D435 = "d435"
     SR300 = "sr300"
-
-
-class Container(StrEnum):
-    """Names of `ContainerName`, which costs too much to import here."""
-
-    TABLE = "table"
-    TOTE = "tote"
-    SHELF = "shelf"
 
 
 def generate(
@@ -57,12 +52,7 @@ def generate(
     objects: Annotated[
         str, typer.Option(metavar="MIN:MAX", help="Fewest and most objects of a scene.")
     ] = "2:4",
-    models: Annotated[
-        Path,
-        typer.Option(
-            metavar="DIR", help="Folder of the object models.", show_default="apc11"
-        ),
-    ] = APC11,
+    models: LibraryFolder = APC11,
     views: Annotated[
         int, typer.Option(min=1, help="Images of each scene, from different sides.")
     ] = 1,
@@ -77,9 +67,7 @@ def generate(
     noise: Annotated[
         bool, typer.Option(help="Whether the camera makes errors, as a real one does.")
     ] = True,
-    container: Annotated[
-        Container, typer.Option(help="What the objects stand on or in.")
-    ] = Container.TABLE,
+    container: ContainerOption = Container.TABLE,
     min_visible: Annotated[
         float,
         typer.Option(

@@ -29,6 +29,28 @@ DatasetModels = Annotated[
 ]
 """Of commands that read a dataset and need its objects."""
 
+LibraryFolder = Annotated[
+    Path,
+    typer.Option(
+        metavar="DIR", help="Folder of the object models.", show_default="apc11"
+    ),
+]
+"""Of commands that need no dataset; `APC11` by default."""
+
+
+class Container(StrEnum):
+    """Names of `ContainerName`, which costs too much to import here."""
+
+    TABLE = "table"
+    TOTE = "tote"
+    SHELF = "shelf"
+
+
+ContainerOption = Annotated[
+    Container, typer.Option("--container", help="What the objects stand on or in.")
+]
+"""Of commands that generate scenes."""
+
 Masks = Annotated[
     bool,
     typer.Option(

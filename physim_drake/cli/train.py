@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from physim_drake.cli.options import (
+    Container,
+    ContainerOption,
     EngineOption,
+    LibraryFolder,
     LogLevel,
     LogLevelName,
     Quiet,
@@ -59,25 +62,12 @@ class Precision(StrEnum):
     BFLOAT16 = "bfloat16"
 
 
-class Container(StrEnum):
-    """Names of `ContainerName`."""
-
-    TABLE = "table"
-    TOTE = "tote"
-    SHELF = "shelf"
-
-
 def train(
     out: Annotated[
         Path,
         typer.Argument(help="Folder for all that the run writes.", show_default=False),
     ],
-    models: Annotated[
-        Path,
-        typer.Option(
-            metavar="DIR", help="Folder of the object models.", show_default="apc11"
-        ),
-    ] = APC11,
+    models: LibraryFolder = APC11,
     scenes: Annotated[
         int, typer.Option(min=1, help="Number of scenes to generate and learn from.")
     ] = 500,
@@ -155,9 +145,7 @@ def train(
             "it does better on images unlike those that it learnt from.",
         ),
     ] = 0.0,
-    container: Annotated[
-        Container, typer.Option(help="What the objects stand on or in.")
-    ] = Container.TABLE,
+    container: ContainerOption = Container.TABLE,
     workers: Annotated[
         int | None,
         typer.Option(

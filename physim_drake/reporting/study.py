@@ -150,6 +150,7 @@ class Study:
         boxes: dict[ImageId, tuple[Array, ...]] = {}
 
         def detections(image: ImageId) -> Sequence[Detection]:
+            """The objects to find in an image; keeps their boxes."""
             found = self.detections(image)
             boxes[image] = tuple(d.box for d in found)
             return found
