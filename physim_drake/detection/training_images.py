@@ -8,6 +8,7 @@ are decoded once, reduced, and kept as plain NumPy arrays that are mapped into m
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -153,7 +154,8 @@ def pack_images(
             known, files in it cannot be used, or the arrays cannot be written.
     """
     origin = {
-        "dataset": str(dataset.root.resolve()),
+        # Relative, so that a run in another folder writes the same.
+        "dataset": os.path.relpath(dataset.root.resolve(), folder.resolve()),
         "split": dataset.split,
         "longer_side": longer_side,
         "depth": depth,

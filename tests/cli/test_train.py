@@ -111,8 +111,9 @@ def test_learning_on_from_two_datasets_after_a_start_with_a_wrong_one(
     assert log["settings"]["data"] == data
     assert not (out / "data").exists()
     for number, name in enumerate(data, start=1):
-        notes = json.loads((packed / str(number) / "images.json").read_text())
-        assert notes["origin"]["dataset"] == name
+        folder = packed / str(number)
+        origin = json.loads((folder / "images.json").read_text())["origin"]
+        assert str((folder / origin["dataset"]).resolve()) == name
 
 
 def test_a_folder_in_use_is_kept(trained: Path, models: Path):

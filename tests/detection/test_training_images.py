@@ -88,6 +88,15 @@ def test_other_images_take_the_place_of_those_packed(
     assert len(pack_images(other, folder, WIDTH, depth=False)) == 1
 
 
+def test_what_is_packed_does_not_depend_on_where_it_stands(tmp_path: Path):
+    notes = []
+    for name in ("a", "b"):
+        own = BopDataset(write_tiny(tmp_path / name / "data"))
+        pack_images(own, tmp_path / name / "packed", 6, depth=False)
+        notes.append((tmp_path / name / "packed" / "images.json").read_bytes())
+    assert notes[0] == notes[1]
+
+
 def test_an_object_that_is_not_known_leaves_nothing(
     dataset: BopDataset, tmp_path: Path
 ):
