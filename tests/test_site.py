@@ -30,6 +30,7 @@ ROOT = Path(__file__).parents[1]
 MAIN_PAGES = (
     "index",
     "getting-started",
+    "first-image",
     "estimate-your-own-data",
     "cli",
     "troubleshooting",
