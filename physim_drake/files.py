@@ -9,7 +9,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Literal, TextIO, overload
@@ -40,6 +40,28 @@ def check_writable(path: Path) -> None:
                 pass
         except OSError as error:
             raise cannot_write(path, error) from error
+
+
+@contextmanager
+def reading(paths: Iterable[Path]) -> Iterator[None]:
+    """Names the file for want of which the block fails, if that is why.
+
+    Args:
+        paths: files of a run that a library reads, which raises no more than
+            `RuntimeError`, as Drake does.
+
+    Raises:
+        InputError: where one of them is there no more.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        for path in paths:
+            if not path.exists():
+                raise InputError(
+                    path, "was removed during the run", "run again"
+                ) from error
+        raise
 
 
 def make_folder(folder: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from physim_drake.drake_export import write_drake_model
 from physim_drake.errors import InputError, PhysimError
+from physim_drake.files import reading
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
 from physim_drake.scenes.config import SceneConfig, SettlingConfig
@@ -117,7 +118,7 @@ def generate_scene(
         model_files: Drake models of all objects, where they have been written.
 
     Raises:
-        InputError: see `check_scene_config`.
+        InputError: see `check_scene_config`; or where a model is there no more.
         PhysimError: where no try succeeds.
     """
     check_scene_config(library, config)
@@ -161,12 +162,14 @@ def _draw_objects(
     rounds = -(-int(count) // len(library))
     drawn = np.concatenate([rng.permutation(library.ids) for _ in range(rounds)])
     ids = tuple(int(i) for i in drawn[:count])
-    plant = ScenePlant(
-        [library[i] for i in ids],
-        [model_files[i] for i in ids],
-        load_container(config.container),
-        _settling(config),
-    )
+    files = [model_files[i] for i in ids]
+    with reading([*files, *(path.with_suffix(".obj") for path in files)]):
+        plant = ScenePlant(
+            [library[i] for i in ids],
+            files,
+            load_container(config.container),
+            _settling(config),
+        )
     return plant, ids
 
 

@@ -18,8 +18,8 @@ import numpy as np
 from physim_drake.color_noise import ColorNoise
 from physim_drake.datasets.bop_writer import BopImage, write_bop_scene, write_json
 from physim_drake.depth_noise import DepthNoise
-from physim_drake.errors import InputError, PhysimError
-from physim_drake.files import fill_folder
+from physim_drake.errors import PhysimError
+from physim_drake.files import fill_folder, reading
 from physim_drake.objects import ObjectLibrary
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.scenes.config import SceneConfig
@@ -99,7 +99,7 @@ def record_scene(
         model_files: Drake models of the objects, beside each its visual OBJ.
 
     Raises:
-        InputError: see `check_scene_config`.
+        InputError: see `check_scene_config`; or where a model is there no more.
         PhysimError: where no scene, or no view of one, is found.
     """
     for redraw in range(_MAX_REDRAWS):
@@ -107,10 +107,10 @@ def record_scene(
             2
         )
         scene = generate_scene(library, config.scene(scene_id), seeds[0], model_files)
+        rng = np.random.default_rng(seeds[1])
         try:
-            return _look_at(
-                scene, library, config, model_files, np.random.default_rng(seeds[1])
-            )
+            with reading(path.with_suffix(".obj") for path in model_files.values()):
+                return _look_at(scene, library, config, model_files, rng)
         except NotSeenError:
             continue
     raise PhysimError(
@@ -129,14 +129,10 @@ def write_scene(
     """Writes scene `scene_id` below `split`, whole or not at all.
 
     Raises:
-        InputError: where it cannot be written, or a model is there no more.
+        InputError: where it cannot be written.
         PhysimError: see `record_scene`.
     """
-    try:
-        record = record_scene(library, config, scene_id, model_files)
-    except RuntimeError:  # as Drake has it
-        _check_there(model_files)
-        raise
+    record = record_scene(library, config, scene_id, model_files)
     with fill_folder(split / f"{scene_id:06d}") as scratch:
         names = {object_id: library[object_id].name for object_id in library}
         write_bop_scene(scratch, _images(record), names)
@@ -147,14 +143,6 @@ def write_scene(
         text = directives_text(record.scene, uris)
         (scratch / "scene.dmd.yaml").write_text(text, encoding="utf-8")
         write_json(scratch / FACTS_FILE, _facts(record))
-
-
-def _check_there(files: Mapping[int, Path]) -> None:
-    """Raises `InputError` where one of the files, or of those beside it, is missing."""
-    for path in files.values():
-        for part in (path, path.with_suffix(".obj"), path.with_suffix(".mtl")):
-            if not part.exists():
-                raise InputError(part, "was removed during the run", "run again")
 
 
 def _look_at(
