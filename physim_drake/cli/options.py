@@ -130,6 +130,9 @@ def set_log_level(name: LogLevelName) -> LogLevelName:
     level = getattr(logging, name.upper())
     # Drake's warnings are about models that we ship and know.
     known = name is LogLevelName.WARNING
+    # Its first import, whenever that is, sets the level of its own logger.
+    import pydrake.common  # noqa: F401
+
     LogLevels({"": level, "drake": logging.ERROR if known else level}).apply()
     return name
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 import json
 import logging
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -83,3 +85,16 @@ def test_json_goes_to_a_file_or_to_stdout(
     assert json.loads(capsys.readouterr().out) == {"a": 1}
     with pytest.raises(InputError, match="cannot be written"):
         write_json(tmp_path / "no" / "x.json", {})
+
+
+def test_the_first_import_of_drake_does_not_raise_its_voice() -> None:
+    code = (
+        "import logging\n"
+        "from physim_drake.cli.options import LogLevelName, set_log_level\n"
+        "set_log_level(LogLevelName.WARNING)\n"
+        "import pydrake.multibody.plant\n"
+        "print(logging.getLogger('drake').level)\n"
+    )
+    command = [sys.executable, "-c", code]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert int(printed.stdout) == logging.ERROR
