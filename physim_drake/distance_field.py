@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 
 Grid = NDArray[np.float32]
@@ -168,7 +168,7 @@ def _flood_outside(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(labels == labels[0, 0, 0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def interpolate(
     values: Grid, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
@@ -191,7 +191,7 @@ def interpolate(
     return d, gx, gy, gz
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def lookup(
     values: Grid, origin: Array, inverse_spacing: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
@@ -214,7 +214,7 @@ def lookup(
     return d, gx, gy, gz
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def lookup_posed(
     values: Grid,
     origin: Array,
@@ -242,7 +242,7 @@ def lookup_posed(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _query(
     values: Grid,
     origin: Array,

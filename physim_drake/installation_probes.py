@@ -183,9 +183,15 @@ def _box() -> ObjectModel:
 
 def compiled_loops() -> Check:
     """Whether what numba compiles can be kept for the next run."""
-    # A folder that numba cannot write to fails at this import.
     from physim_drake.distance_field import lookup
 
+    if lookup.stats.cache_path is None:
+        return Check(
+            "compiled loops",
+            Status.WARNING,
+            "kept nowhere: every run compiles them, for half a minute",
+            "set NUMBA_CACHE_DIR to a folder that you may write",
+        )
     folder = Path(lookup.stats.cache_path)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from physim_drake.compiled import compiled
 from physim_drake.distance_field import DistanceField, Grid, interpolate, lookup
 from physim_drake.poses import Array
 
@@ -117,7 +117,7 @@ def trimmed_icp(
     return poses, residuals
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _lcp(
     values: Grid,
     origin: Array,
@@ -164,7 +164,7 @@ def _lcp(
         scores[m] = hits / len(points)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _trimmed_icp(
     values: Grid,
     origin: Array,
@@ -219,7 +219,7 @@ def _trimmed_icp(
                 break
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _linearise(
     values: Grid,
     origin: Array,
@@ -258,7 +258,7 @@ def _linearise(
         rows[n, 3], rows[n, 4], rows[n, 5], rows[n, 6] = gx, gy, gz, d
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _accumulate(
     rows: Array, magnitude: Array, threshold: float, A: Array, b: Array
 ) -> tuple[int, float]:
@@ -278,7 +278,7 @@ def _accumulate(
     return used, squares
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _smallest(values: Array, rank: int) -> float:
     """The value of this rank from below (Hoare's selection); disorders `values`."""
     low, high = 0, len(values) - 1
@@ -302,7 +302,7 @@ def _smallest(values: Array, rank: int) -> float:
     return float(values[rank])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def solve_positive(A: Array, b: Array) -> None:
     """Solves A x = b in place by Cholesky; only the lower triangle of A is read."""
     size = len(b)
@@ -324,7 +324,7 @@ def solve_positive(A: Array, b: Array) -> None:
         b[i] /= A[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def apply_step(X: Array, step: Array, centre: Array) -> None:
     """Turns X_SO in place by `step[:3]` (rad) about `centre`, then shifts it."""
     angle = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)

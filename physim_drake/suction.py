@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from physim_drake.compiled import compiled
 from physim_drake.errors import InputError
 from physim_drake.poses import Array, inverse, transform_points
 
@@ -255,7 +255,7 @@ def cast_lines(
     return gaps, normals
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _cast(
     planes: Array,
     offsets: Array,

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 
 Indices = NDArray[np.int64]
@@ -60,7 +60,7 @@ def draw_bases(
     return Bases(corners[good], ratios[good], angles[good])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _draw(
     points: Array,
     reach: float,
@@ -100,7 +100,7 @@ def _draw(
     return good
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _crossing(
     points: Array, i: int, j: int, k: int, m: int
 ) -> tuple[float, float, float, float, float]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from physim_drake.compiled import compiled
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
 from physim_drake.registration_model import registration_model
@@ -89,7 +89,7 @@ def pair_angles(p1: Array, n1: Array, p2: Array, n2: Array) -> Array:
     return np.stack([angle(n1, line), angle(n2, line), angle(n1, n2)], axis=-1)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def find_pairs(
     lengths: Array,
     angles: Array,

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from physim_drake.compiled import compiled
 from physim_drake.hypotheses.pairs import Points
 from physim_drake.poses import Array
 
@@ -19,7 +19,7 @@ _NEWTON_STEPS = 30
 _NORMAL_WEIGHT = 0.3  # of a normal, against a point at the set's mean distance
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def fit_sets(
     points: Array,
     normals: Array,
@@ -80,7 +80,7 @@ def fit_sets(
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def best_rotation(H: Array, R: Array) -> None:
     """Writes the rotation (3, 3) that maximises the trace of R^T H to `R`.
 
@@ -111,7 +111,7 @@ def best_rotation(H: Array, R: Array) -> None:
     R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _largest_eigenvalue(H: Array, N: Array) -> float:
     """Of N, whose characteristic polynomial has no cubic term."""
     squares = 0.0
@@ -140,7 +140,7 @@ def _largest_eigenvalue(H: Array, N: Array) -> float:
     return x
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _null_vector(N: Array) -> Array:
     """The unit vector that a singular, symmetric (4, 4) matrix maps to nearly zero.
 
@@ -168,7 +168,7 @@ def _null_vector(N: Array) -> Array:
     return best / math.sqrt(longest)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _det3(M: Array, a: int, b: int, c: int, i: int, j: int, k: int) -> float:
     """Determinant of rows a, b, c and columns i, j, k."""
     return float(

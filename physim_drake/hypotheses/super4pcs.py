@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from physim_drake.compiled import compiled
 from physim_drake.hypotheses.bases import draw_bases
 from physim_drake.hypotheses.pairs import Indices, PairIndex, Points, find_pairs
 from physim_drake.hypotheses.rigid_fit import fit_sets
@@ -125,7 +125,7 @@ def congruent_sets(
     return sets
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _congruent_sets(
     model: Array,
     lengths: Array,
@@ -171,7 +171,7 @@ def _congruent_sets(
     return sets
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _thinned(indices: Indices, count: int) -> Indices:
     """At most `count` of the indices, evenly."""
     if len(indices) <= count:
@@ -179,7 +179,7 @@ def _thinned(indices: Indices, count: int) -> Indices:
     return indices[np.arange(count) * len(indices) // count]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _crossings(model: Array, first: Points, second: Points, ratio: float) -> Array:
     """The point at a ratio of each pair, and the pair's direction: (N, 6)."""
     result = np.empty((len(first), 6))
@@ -195,7 +195,7 @@ def _crossings(model: Array, first: Points, second: Points, ratio: float) -> Arr
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _meeting(
     A: Array, B: Array, delta: float, cos_low: float, cos_high: float
 ) -> tuple[Indices, Indices]:
@@ -232,7 +232,7 @@ def _meeting(
     return rows[:count], columns[:count]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _cells(points: Array, size: float) -> tuple[Array, Points, Points, Points]:
     """Sorts points, the first three columns of (N, ...), into cubes.
 

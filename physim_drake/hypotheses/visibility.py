@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from physim_drake.camera import DepthImage
+from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 from physim_drake.registration_model import RegistrationModel
 from physim_drake.scene import Scene
@@ -50,7 +50,7 @@ def visibility(model: RegistrationModel, X_SO: Array, scene: Scene) -> Array:
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _visibility(
     points: Array,
     normals: Array,

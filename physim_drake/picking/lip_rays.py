@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 import trimesh
-from numba import njit
 
+from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 
 
@@ -61,7 +61,7 @@ def surface_heights(
     return heights
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _cast(
     triangles: Array,
     middles: Array,
@@ -99,7 +99,7 @@ def _cast(
             _hit(local, pattern, reach, heights[n])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _hit(corners: Array, pattern: Array, reach: float, heights: Array) -> None:
     """Raises `heights` to where vertical rays meet one face."""
     ax, ay, az = corners[0]

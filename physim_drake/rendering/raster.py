@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.compiled import compiled
 from physim_drake.objects import ObjectModel
 from physim_drake.poses import Array
 from physim_drake.rendering.windows import DepthWindow
@@ -76,7 +76,7 @@ class DepthRasterizer:
         return DepthWindow(row, column, depth)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _project(
     vertices: Array, X_CO: Array, K: Array, height: int, width: int, projected: Array
 ) -> tuple[int, int, int, int]:
@@ -107,7 +107,7 @@ def _project(
     return first_row, first_column, rows, columns
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _rasterize(
     projected: Array,
     faces: Faces,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 
 
@@ -62,7 +62,7 @@ def paste(image: DepthImage, window: DepthWindow) -> None:
     _paste(image, window.row, window.column, np.ascontiguousarray(window.depth))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _paste(image: DepthImage, row: int, column: int, window: DepthImage) -> None:
     for i in range(window.shape[0]):
         for j in range(window.shape[1]):

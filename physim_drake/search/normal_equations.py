@@ -10,8 +10,8 @@ object itself changes its distance to another one by the opposite.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 
 
@@ -96,7 +96,7 @@ def geman_mcclure(residual: Array, scale: float) -> Array:
     return np.asarray(1 / np.square(1 + np.square(residual / scale)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add(
     A: Array,
     b: Array,

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
+from physim_drake.compiled import compiled
 from physim_drake.objects import ObjectModel
 from physim_drake.observation import Mask
 from physim_drake.poses import Array, exp_pose, inverse, transform_points
@@ -254,7 +254,7 @@ def _surface_distance(
     return registration_model(model).distance_field.query_posed(X_SO, points)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _fine_cost(
     image: DepthImage, depth: DepthImage, mask: Mask, cutoff: float
 ) -> float:

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
+from physim_drake.compiled import compiled
 from physim_drake.physics.settling import SettleConfig
 from physim_drake.poses import Array
 from physim_drake.registration import TrimmedIcpConfig
@@ -150,7 +150,7 @@ def _share(mask: NDArray[np.bool_], of: NDArray[np.bool_]) -> float:
     return int(np.count_nonzero(mask & of)) / max(int(np.count_nonzero(of)), 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _agreeing(image: DepthImage, observed: DepthImage, epsilon: float) -> int:
     """How many pixels are drawn and observed at the same depth."""
     count = 0
@@ -161,7 +161,7 @@ def _agreeing(image: DepthImage, observed: DepthImage, epsilon: float) -> int:
     return count
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _before(image: DepthImage, depth: DepthImage, epsilon: float) -> int:
     """How many pixels are drawn nearer than what was measured there."""
     count = 0
