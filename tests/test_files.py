@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from physim_drake.errors import InputError
-from physim_drake.files import write_atomically
+from physim_drake.files import (
+    check_writable,
+    fill_folder,
+    reading,
+    write_atomically,
+)
+from tests.disks import room_for
 
 
 def names(folder: Path) -> list[str]:
@@ -105,3 +111,77 @@ def test_a_full_disk_is_an_input_error() -> None:
         write_atomically(Path("/dev/full")) as file,
     ):
         file.write("x")
+
+
+def test_a_full_disk_asks_for_room(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with (
+        pytest.raises(InputError, match="make room there, or choose a place"),
+        room_for(10),
+        write_atomically(path) as file,
+    ):
+        file.write("longer than that")
+    assert path.read_text() == "old"
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_places_to_write_are_checked_and_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    check_writable(tmp_path / "new")
+    check_writable(Path("/dev/stdout"))
+    assert names(tmp_path) == ["file"]
+    for path in (tmp_path / "none" / "a", tmp_path / "file" / "a"):
+        with pytest.raises(InputError, match="cannot be written") as caught:
+            check_writable(path)
+        assert caught.value.source == str(path)
+
+
+def test_a_folder_comes_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "a"
+    with fill_folder(folder) as scratch:
+        (scratch / "one").write_text("1")
+        assert not folder.exists()
+    assert names(folder) == ["one"]
+    assert names(tmp_path) == ["a"]
+
+
+def test_a_folder_that_cannot_be_filled_leaves_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "a"
+
+    def fill() -> None:
+        with fill_folder(folder) as scratch:
+            (scratch / "one").write_text("1")
+            (scratch / "two").write_text("longer than that")
+
+    with pytest.raises(InputError, match="cannot be written") as caught, room_for(10):
+        fill()
+    assert caught.value.source == str(folder)
+    with pytest.raises(FileNotFoundError), fill_folder(folder) as scratch:
+        (scratch / "one").write_text((tmp_path / "other").read_text())
+    assert names(tmp_path) == []
+
+
+def test_a_folder_that_is_there_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "mine").write_text("")
+    with (
+        pytest.raises(InputError, match="cannot be written"),
+        fill_folder(tmp_path / "a") as scratch,
+    ):
+        (scratch / "one").write_text("1")
+    assert names(tmp_path / "a") == ["mine"]
+    assert names(tmp_path) == ["a"]
+
+
+def test_the_file_that_a_library_missed_is_named(tmp_path: Path) -> None:
+    there, lost = tmp_path / "there", tmp_path / "lost"
+    there.write_text("")
+    with (
+        pytest.raises(InputError, match="was removed during the run") as caught,
+        reading([there, lost]),
+    ):
+        raise RuntimeError("no such model")
+    assert caught.value.source == str(lost)
+    with pytest.raises(RuntimeError, match="something else"), reading([there]):
+        raise RuntimeError("something else")

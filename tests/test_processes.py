@@ -66,6 +66,9 @@ class Adder:
     def fail(self) -> None:
         raise ValueError("a defect")
 
+    def read(self, path: Path) -> str:
+        return path.read_text()
+
     def unsendable(self) -> Callable[[], None]:
         return lambda: None
 
@@ -131,6 +134,12 @@ def test_a_call_that_always_kills_is_given_up(
     assert len(set(log.read_text().split())) == 3
     assert "\n" not in str(caught.value)
     assert pool.map("add", [(1,)]) == [1]  # the pool goes on
+
+
+def test_a_file_that_fails_is_named_here(pool: SupervisedPool, tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as caught:
+        pool.map("read", [(tmp_path / "none",)])
+    assert caught.value.filename == str(tmp_path / "none")
 
 
 @pytest.mark.parametrize("how", [signal.SIGSTOP, None])

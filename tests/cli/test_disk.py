@@ -9,12 +9,10 @@ acts like a disk that is full.
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +31,7 @@ from tests.cli.estimating import BOTTLE, SCENE, two_images, without_time
 from tests.cli.test_detect import write_weights_of
 from tests.cli.test_learn import QuietExplorer
 from tests.cli.test_pick import SHORT, scenario
+from tests.disks import room_for
 from tests.synthetic import library as synthetic_library
 
 PROGRAM = (sys.executable, "-c", "from physim_drake.cli import main; main()")
@@ -91,17 +90,6 @@ def one_model(tmp_path: Path) -> Path:
 def weights(tmp_path: Path) -> Path:
     path = tmp_path / "own.safetensors"
     return write_weights_of(path, classes_of(ObjectLibrary.load(APC11)))
-
-
-@contextmanager
-def room_for(size: int) -> Iterator[None]:
-    """No file can become longer than so many bytes."""
-    _, hard = before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def files(folder: Path) -> list[str]:

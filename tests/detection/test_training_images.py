@@ -12,6 +12,7 @@ from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection import training_images
 from physim_drake.detection.training_images import (
     MixedImages,
+    TrainingImages,
     label_map,
     pack_images,
 )
@@ -113,6 +114,20 @@ def test_an_image_that_cannot_be_read_leaves_nothing(
     with pytest.raises(InputError, match=r"000007.png"):
         pack_images(dataset, tmp_path / "packed", 6, False)
     assert [p.name for p in tmp_path.iterdir()] == ["tiny"]
+
+
+def test_packed_images_that_are_damaged_say_what_to_do(
+    dataset: BopDataset, tmp_path: Path
+):
+    folder = tmp_path / "packed"
+    pack_images(dataset, folder, 6, False)
+    whole = (folder / "labels.npy").read_bytes()
+    (folder / "labels.npy").write_bytes(whole[:-1])
+    with pytest.raises(InputError, match=r"packed: cannot be used \(.*remove it"):
+        TrainingImages(folder)
+    (folder / "labels.npy").unlink()
+    with pytest.raises(InputError, match=r"packed: cannot be used \(.*labels.npy"):
+        TrainingImages(folder)
 
 
 def test_images_of_two_sizes(dataset: BopDataset, tmp_path: Path):

@@ -5,16 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.geometry import Box
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.drake_export import write_drake_model
+from physim_drake.errors import InputError
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import inverse, make_pose
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.rendering.depth import DepthRenderer
-from physim_drake.rendering.scene import SceneRenderer
+from physim_drake.rendering.scene import Prop, SceneRenderer
 from physim_drake.scenes.containers import ContainerName, load_container
+from tests.disks import room_for
 
 K = CameraIntrinsics(320, 240, 300.0, 300.0, 158.0, 121.0)
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -98,3 +101,12 @@ def test_surface_is_the_plane_z_0(name: ContainerName, visuals: list[Path]):
     X_WC = make_pose(DOWN, [0.0, 0.0, 0.3])
     depth = renderer.render_depth(far, X_WC, K)
     assert depth[100:140, 140:180] == pytest.approx(0.3, abs=1e-4)
+
+
+def test_a_texture_that_does_not_fit_on_the_disk_is_named(visuals: list[Path]):
+    """Half of one would end the process."""
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
+    props = [Prop(Box(0.1, 0.1, 0.1), np.eye(4), noise)]
+    table, plain = load_container(ContainerName.TABLE), Appearance.plain()
+    with room_for(1000), pytest.raises(InputError, match=r"\.png: cannot be written"):
+        SceneRenderer(visuals, table, plain, props)
