@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from physim_drake.errors import InputError
+from physim_drake.registration import TrimmedIcpConfig
+from physim_drake.search.states import ExpansionConfig
 from physim_drake.search.tree import SearchConfig
 from physim_drake.workers import WorkerConfig
 
@@ -92,9 +94,16 @@ class EstimationConfig:
 
     @classmethod
     def paper(cls) -> EstimationConfig:
-        """The paper's plain search: all expansions, one round, every pose reported."""
+        """The paper's plain search: all expansions, one round, every pose reported.
+
+        A fixed share of the points is trimmed, where `estimate` else weighs them.
+        """
+        trimmed = TrimmedIcpConfig(keep=0.7, soft=False, cutoff=0.01)
         return cls(
-            search=SearchConfig(patience=math.inf), rounds=1, least_confidence=0.0
+            search=SearchConfig(patience=math.inf),
+            steps=WorkerConfig(expansion=ExpansionConfig(icp=trimmed)),
+            rounds=1,
+            least_confidence=0.0,
         )
 
     @property

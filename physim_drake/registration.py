@@ -8,6 +8,7 @@ is read off the model's `DistanceField`, so no correspondence search is needed.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,15 +24,18 @@ class TrimmedIcpConfig:
 
     Attributes:
         keep: share of the points that count, those nearest to the model.
+        soft: whether a point counts the less, the nearer it is to the farthest that
+            counts (Tukey's biweight), or all that count do so alike.
         iterations: at most this many Gauss-Newton steps.
         cutoff: points farther than this never count, m.
         cos_normal: least cosine between observed and model normal of a point.
         tolerance: stops when a step is smaller, in m and rad.
     """
 
-    keep: float = 0.8
+    keep: float = 1.0
+    soft: bool = True
     iterations: int = 20
-    cutoff: float = 0.02
+    cutoff: float = 0.0075
     cos_normal: float = 0.3
     tolerance: float = 1e-4
 
@@ -41,10 +45,10 @@ def lcp_scores(
     X_SO: Array,
     points: Array,
     normals: Array,
-    delta: float,
+    deltas: float | Sequence[float],
     cos_normal: float = 0.7,
 ) -> Array:
-    """Largest-common-pointset scores: the share of points within `delta` of the model.
+    """Largest-common-pointset scores: the share of points within delta of the model.
 
     Args:
         field: the model's distance field.
@@ -52,13 +56,14 @@ def lcp_scores(
         points: observed p_S, (N, 3), m.
         normals: their unit normals, (N, 3); a point counts only where the model's
             agrees.
-        delta: distance, m.
+        deltas: the distance, m, or several (K).
         cos_normal: least cosine of the angle between the normals.
 
     Returns:
-        (M,) in 0..1.
+        (M,) in 0..1, or (M, K) for several distances.
     """
-    scores = np.zeros(len(X_SO))
+    near = np.atleast_1d(np.asarray(deltas, dtype=float))
+    scores = np.zeros((len(X_SO), len(near)))
     if len(points):
         _lcp(
             field.values,
@@ -67,11 +72,11 @@ def lcp_scores(
             np.ascontiguousarray(X_SO),
             np.ascontiguousarray(points),
             np.ascontiguousarray(normals),
-            delta,
+            near,
             cos_normal,
             scores,
         )
-    return scores
+    return scores if np.ndim(deltas) else scores[:, 0]
 
 
 def trimmed_icp(
@@ -108,6 +113,7 @@ def trimmed_icp(
             np.ascontiguousarray(points),
             np.ascontiguousarray(normals),
             config.keep,
+            config.soft,
             config.iterations,
             config.cutoff,
             config.cos_normal,
@@ -125,21 +131,20 @@ def _lcp(
     poses: Array,
     points: Array,
     normals: Array,
-    delta: float,
+    deltas: Array,
     cos_normal: float,
     scores: Array,
 ) -> None:
     nx, ny, nz = values.shape
     # No distance changes by more than the way from a point to its nearest node.
-    far = np.float32(delta + 0.87 / inverse_spacing)
-    near = delta * inverse_spacing
+    farthest = deltas.max()
+    far = np.float32(farthest + 0.87 / inverse_spacing)
     for m in range(len(poses)):
         X = poses[m]
         px, py, pz = X[0, 3], X[1, 3], X[2, 3]
         a00, a10, a20 = X[0, 0], X[1, 0], X[2, 0]
         a01, a11, a21 = X[0, 1], X[1, 1], X[2, 1]
         a02, a12, a22 = X[0, 2], X[1, 2], X[2, 2]
-        hits = 0
         for n in range(len(points)):
             dx, dy, dz = points[n, 0] - px, points[n, 1] - py, points[n, 2] - pz
             x = (a00 * dx + a10 * dy + a20 * dz - origin[0]) * inverse_spacing
@@ -151,7 +156,7 @@ def _lcp(
             if abs(values[i, j, k]) > far:
                 continue
             d, gx, gy, gz = interpolate(values, x, y, z)
-            if abs(d) * inverse_spacing >= near:
+            if abs(d) >= farthest:
                 continue
             u, v, w = normals[n, 0], normals[n, 1], normals[n, 2]
             cosine = (
@@ -160,8 +165,10 @@ def _lcp(
                 + gz * (a02 * u + a12 * v + a22 * w)
             )
             if cosine > cos_normal * math.sqrt(gx * gx + gy * gy + gz * gz):
-                hits += 1
-        scores[m] = hits / len(points)
+                for e in range(len(deltas)):
+                    if abs(d) < deltas[e]:
+                        scores[m, e] += 1
+        scores[m] /= len(points)
 
 
 @compiled(error_model="numpy")
@@ -173,6 +180,7 @@ def _trimmed_icp(
     points: Array,
     normals: Array,
     keep: float,
+    soft: bool,
     iterations: int,
     cutoff: float,
     cos_normal: float,
@@ -204,8 +212,8 @@ def _trimmed_icp(
                 magnitude,
             )
             scratch[:] = magnitude
-            threshold = min(cutoff, _smallest(scratch, kept - 1))
-            used, squares = _accumulate(rows, magnitude, threshold, A, b)
+            threshold = max(min(cutoff, _smallest(scratch, kept - 1)), 1e-9)
+            used, squares = _accumulate(rows, magnitude, threshold, soft, A, b)
             if used < 6:
                 residuals[m] = np.inf
                 break
@@ -260,7 +268,7 @@ def _linearise(
 
 @compiled(error_model="numpy")
 def _accumulate(
-    rows: Array, magnitude: Array, threshold: float, A: Array, b: Array
+    rows: Array, magnitude: Array, threshold: float, soft: bool, A: Array, b: Array
 ) -> tuple[int, float]:
     """Normal equations of the rows that count; how many do, and their squares' sum."""
     A[:], b[:] = 0.0, 0.0
@@ -269,10 +277,12 @@ def _accumulate(
         if magnitude[n] > threshold:
             continue
         d = rows[n, 6]
+        weight = (1 - (magnitude[n] / threshold) ** 2) ** 2 if soft else 1.0
         for i in range(6):
-            b[i] += rows[n, i] * d
+            weighted = weight * rows[n, i]
+            b[i] += weighted * d
             for j in range(i + 1):
-                A[i, j] += rows[n, i] * rows[n, j]
+                A[i, j] += weighted * rows[n, j]
         used += 1
         squares += d * d
     return used, squares

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -68,6 +70,15 @@ def test_lcp_moves_with_the_pose() -> None:
     assert scores.tolist() == [1.0, 0.0]
 
 
+def test_lcp_at_several_distances_is_that_at_each() -> None:
+    points = TOP + np.outer(np.arange(len(TOP)), [0.0, 0.0, 0.001])
+    deltas = (0.0015, 0.0065, 0.0035)
+    together = lcp_scores(FIELD, np.eye(4)[None], points, UP, deltas)
+    assert together.tolist() == [[2 / 8, 7 / 8, 4 / 8]]
+    alone = [lcp_scores(FIELD, np.eye(4)[None], points, UP, d) for d in deltas]
+    np.testing.assert_array_equal(together, np.stack(alone, axis=1))
+
+
 def test_lcp_of_nothing_is_zero() -> None:
     none = np.zeros((0, 3))
     assert lcp_scores(FIELD, np.stack([X_SO, X_SO]), none, none, 0.003).tolist() == [
@@ -94,17 +105,29 @@ def test_trimmed_icp_comes_back_from_8_mm_and_6_degrees(seed: int) -> None:
 def test_without_trimming_the_outliers_pull() -> None:
     points, normals = observed(0, outliers=0.25)
     field = registration_model(l_shape()).distance_field
-    untrimmed = TrimmedIcpConfig(keep=1.0, iterations=30, cos_normal=-1.0)
-    trimmed = TrimmedIcpConfig(keep=0.7, iterations=30)
+    hard = TrimmedIcpConfig(soft=False, iterations=30, cutoff=0.02)
     errors = [
         pose_error(
             trimmed_icp(field, X_SO[None], points, normals, config)[0][0],
             X_SO,
             SymmetryGroup(),
         )[0]
-        for config in (untrimmed, trimmed)
+        for config in (replace(hard, cos_normal=-1.0), replace(hard, keep=0.7))
     ]
     assert errors[1] < 0.3 * errors[0]
+
+
+def test_soft_limits_need_no_share_of_outliers_to_be_known() -> None:
+    field = registration_model(l_shape()).distance_field
+    hard = TrimmedIcpConfig(keep=0.7, soft=False, cutoff=0.01)
+    shifts = []
+    for config in (hard, TrimmedIcpConfig()):
+        for seed in range(4):
+            points, normals = observed(seed, outliers=0.1 + 0.1 * seed)
+            start = perturbed(X_SO, 0.008, np.radians(6), seed)
+            X, _ = trimmed_icp(field, start[None], points, normals, config)
+            shifts.append(pose_error(X[0], X_SO, SymmetryGroup())[0])
+    assert np.mean(shifts[4:]) < np.mean(shifts[:4])
 
 
 def test_poses_are_refined_independently() -> None:

@@ -17,6 +17,12 @@ from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
 from physim_drake.registration_model import RegistrationModel, registration_model
 from physim_drake.scene import Scene
 
+_TRUST_IN_SIGHT = 2
+"""Power of visibility: boxes of 202 objects of generated scenes held a success among
+their representatives for 98.0, 99.0, 99.0, 98.5 % of them at 1, 2, 3, 4."""
+_SHARPNESS = 4
+"""Power of a pose's weight in clustering."""
+
 
 @dataclass(frozen=True)
 class HypothesisConfig:
@@ -27,20 +33,20 @@ class HypothesisConfig:
         clustering: numbers of representatives.
         segment_points: points of the segment that are matched and scored.
         lcp_delta: how near a point must be to the model to count, m.
-        polished: this many of the best-scored poses get a short trimmed ICP, and
-            are scored again at half of `lcp_delta`.
+        coarse_delta: the same while the poses are not yet polished.
+        polished: this many of the most promising poses get a short trimmed ICP, and
+            are scored again.
         polish: its settings.
     """
 
     super4pcs: Super4PcsConfig = field(default_factory=Super4PcsConfig)
     clustering: ClusteringConfig = field(default_factory=ClusteringConfig)
     segment_points: int = 140
-    lcp_delta: float = 0.006
+    lcp_delta: float = 0.003
+    coarse_delta: float = 0.006
     polished: int = 1000
     polish: TrimmedIcpConfig = field(
-        default_factory=lambda: TrimmedIcpConfig(
-            keep=0.55, iterations=6, tolerance=3e-4
-        )
+        default_factory=lambda: TrimmedIcpConfig(iterations=8, tolerance=3e-4)
     )
 
 
@@ -82,7 +88,9 @@ def generate_hypotheses(
     """Super4PCS poses of a segment, scored and clustered.
 
     For choosing among them, each pose weighs its LCP score (how much of the segment
-    it explains) times its visibility (how much of what it shows was observed).
+    it explains) times the square of its visibility (how much of what it shows was
+    observed): a box that holds more of another object than of its own is explained
+    better by wrong poses, but these show what was not observed.
 
     Args:
         model: the object.
@@ -105,12 +113,14 @@ def generate_hypotheses(
             model.object_id, X_SO, np.zeros(0), np.zeros(0, dtype=np.int64)
         )
     distances = prepared.distance_field
-    lcp = lcp_scores(distances, X_SO, points[::2], normals[::2], config.lcp_delta)
-    best = _most_promising(prepared, X_SO, lcp, scene, config.polished)
+    deltas = config.coarse_delta, config.lcp_delta
+    scores = lcp_scores(distances, X_SO, points[::2], normals[::2], deltas)
+    coarse, lcp = scores[:, 0], scores[:, 1].copy()
+    best = _most_promising(prepared, X_SO, coarse, scene, config.polished)
     X_SO[best], _ = trimmed_icp(distances, X_SO[best], points, normals, config.polish)
-    fine = lcp_scores(distances, X_SO[best], points, normals, config.lcp_delta / 2)
-    lcp[best] = fine
-    weights = (fine * visibility(prepared, X_SO[best], scene)) ** 4 + 1e-9
+    lcp[best] = lcp_scores(distances, X_SO[best], points, normals, config.lcp_delta)
+    weights = lcp[best] * visibility(prepared, X_SO[best], scene) ** _TRUST_IN_SIGHT
+    weights = weights**_SHARPNESS + 1e-9
     chosen = best[
         cluster_poses(X_SO[best], weights, model.symmetry, generator, config.clustering)
     ]
@@ -121,7 +131,7 @@ def generate_hypotheses(
 def _most_promising(
     prepared: RegistrationModel, X_SO: Array, lcp: Array, scene: Scene, count: int
 ) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Indices of the poses whose LCP score times visibility is largest.
+    """Indices of the poses whose LCP score times squared visibility is largest.
 
     Visibility is at most 1, so poses need not be looked at once their score alone is
     less than what enough others have.
@@ -131,7 +141,8 @@ def _most_promising(
     for start in range(0, len(order), count):
         following = order[start : start + count]
         seen = visibility(prepared, X_SO[following], scene)
-        weights = np.concatenate([weights, lcp[following] * seen])
+        promise = lcp[following] * seen**_TRUST_IN_SIGHT
+        weights = np.concatenate([weights, promise])
         rest = order[start + count : start + count + 1]
         if (lcp[rest] <= np.partition(weights, -count)[-count]).all():
             break

@@ -44,9 +44,7 @@ class ExpansionConfig:
     epsilon: float = 0.01
     resegment_distance: float = 0.008
     min_points: int = 30
-    icp: TrimmedIcpConfig = field(
-        default_factory=lambda: TrimmedIcpConfig(keep=0.7, iterations=25, cutoff=0.01)
-    )
+    icp: TrimmedIcpConfig = field(default_factory=TrimmedIcpConfig)
     icp_points: int = 400
     settle: SettleConfig = field(
         default_factory=lambda: SettleConfig(lost_distance=0.05)
