@@ -2,9 +2,10 @@
 """Rotational symmetries of a shape, found by turning it and comparing surfaces.
 
 A motion counts as a symmetry where 95 % of the surface, so moved, lies within a
-tolerance of the surface: what a depth image cannot tell apart. Candidate axes are the
-principal axes of the surface; where principal moments are nearly equal these are not
-determined, and directions in the plane, or on the sphere, are tried.
+tolerance of the surface, and 98 % within four times that: what a depth image cannot
+tell apart. Candidate axes are the principal axes of the surface; where principal
+moments are nearly equal these are not determined, and directions in the plane, or on
+the sphere, are tried.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ def near_symmetries(
     for frame in (np.eye(3), _principal_axes(match).T):
         for R in frame @ turns @ frame.T:
             about = [match.about(R, centre) for centre in match.centres]
-            deviations = match.percentiles(np.stack(about))
+            deviations = match.deviations(np.stack(about))
             best = int(deviations.argmin())
             if deviations[best] <= tolerance:
                 motions.append((float(deviations[best]), about[best]))
@@ -145,7 +146,7 @@ def _round_axis(
         the deviation (m) and the axis, put right by matching surfaces; or None.
     """
     turns = [match.about(_turn(axis, w), match.centroid) for w in _ROUND_ANGLES[:3]]
-    if match.percentiles(np.stack(turns)).max() > _REFINABLE * tolerance:
+    if match.deviations(np.stack(turns)).max() > _REFINABLE * tolerance:
         return None
     refined = [match.refine(X) for X in turns]
     mean_axis = np.mean([_axis_of(X, axis) for X in refined], axis=0)
@@ -158,7 +159,7 @@ def _round_axis(
     results = []
     for direction, point in choices:
         motions = [match.about(_turn(direction, w), point) for w in angles]
-        deviations = match.percentiles(np.stack(motions))
+        deviations = match.deviations(np.stack(motions))
         worst = float(deviations[: len(_ROUND_ANGLES)].max())
         results.append((worst, float(deviations.min()), direction, point))
     # The given axis is kept where it is as good: it is often one of O exactly.
@@ -189,7 +190,7 @@ def _round_group(
     for centre in match.centres:
         point = axis.point + axis.axis * (axis.axis @ (centre - axis.point))
         flips.append(match.about(R, point))
-    deviations = match.percentiles(np.stack(flips))
+    deviations = match.deviations(np.stack(flips))
     best = int(deviations.argmin())
     if deviations[best] > tolerance:
         return SymmetryGroup(axes=(axis,))
@@ -228,7 +229,7 @@ def _searched_axes(match: SurfaceMatch, tolerance: float) -> Array:
         refined = [
             match.refine(match.about(_turn(a, turn), match.centroid)) for a in peaks
         ]
-        fits = match.percentiles(np.stack(refined)) <= tolerance
+        fits = match.deviations(np.stack(refined)) <= tolerance
         kept += [
             _axis_of(X, a)
             for X, a, fit in zip(refined, peaks, fits, strict=True)
@@ -263,17 +264,17 @@ def _discrete_group(
         [_turn(a, 2 * np.pi / order) for a in axes for order in _ORDERS]
     )
     motions = np.stack([match.about(R, match.centroid) for R in rotations])
-    near = match.percentiles(motions) < _REFINABLE * tolerance
+    near = match.deviations(motions) < _REFINABLE * tolerance
     if not near.any():
         return SymmetryGroup()
     rotations, motions = rotations[near], motions[near]
     refined = np.stack([match.refine(X) for X in motions])
     moved = rotation_angle(np.swapaxes(rotations, 1, 2) @ refined[:, :3, :3])
-    good = (match.percentiles(refined) <= tolerance) & (moved < 0.2)
+    good = (match.deviations(refined) <= tolerance) & (moved < 0.2)
     centre = match.fixed_point(refined[good]) if good.any() else match.centroid
     rotations = np.concatenate([rotations, refined[good][:, :3, :3]])
     motions = np.stack([match.about(R, centre) for R in rotations])
-    deviations = match.percentiles(motions)
+    deviations = match.deviations(motions)
     group = np.eye(3)[None]
     # Rounded, so that of equals the first is taken: an axis of O before others.
     for i in np.argsort(np.round(deviations, 4), kind="stable"):
@@ -285,7 +286,7 @@ def _discrete_group(
         if grown is None:
             continue
         members = np.stack([match.about(R, centre) for R in grown])
-        if match.percentiles(members).max() <= tolerance:
+        if match.deviations(members).max() <= tolerance:
             group = grown
     return SymmetryGroup(np.stack([match.about(R, centre) for R in group]))
 
