@@ -31,10 +31,11 @@ lint: setup  ## Check style.
 # Type checkers do not see the package mapping of an editable install, so they get a
 # tree of links in which models/ and systems/ stand where they are imported from.
 .PHONY: typecheck
-typecheck: setup  ## Check types.
+typecheck: setup  ## Check types, of the examples, too.
 	@mkdir -p build/typecheck && rm -rf build/typecheck/physim_drake && mkdir build/typecheck/physim_drake
 	@ln -s $(CURDIR)/physim_drake/* $(CURDIR)/systems $(CURDIR)/models build/typecheck/physim_drake/
 	@cd build/typecheck && MYPYPATH=. $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml -p physim_drake
+	@cd build/typecheck && MYPYPATH=. $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml $(CURDIR)/examples
 
 .PHONY: peers
 peers: setup  ## Install what benchmarks/peers compares with, into build/peers.

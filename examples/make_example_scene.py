@@ -34,7 +34,7 @@ from pydrake.geometry import (
     Rgba,
     SceneGraph,
 )
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
@@ -42,7 +42,7 @@ from physim_drake.camera import CameraIntrinsics
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
 from physim_drake.physics.settling import SettleConfig, Settler
-from physim_drake.poses import inverse
+from physim_drake.poses import inverse, make_pose
 from physim_drake.rendering.depth import DepthRenderer
 
 CAMERA = CameraIntrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
@@ -76,9 +76,9 @@ def settle(library: ObjectLibrary) -> dict[int, np.ndarray]:
     X_WO: dict[int, np.ndarray] = {}
     for object_id, rpy_deg, p_WO, _ in DROPS:
         others = [library[i] for i in X_WO]
-        start = RigidTransform(RollPitchYaw(np.radians(rpy_deg)), p_WO)
+        R_WO = RotationMatrix(RollPitchYaw(np.radians(rpy_deg))).matrix()
         settled = Settler(library[object_id], others, config).settle(
-            start.GetAsMatrix4(), dict(enumerate(X_WO.values()))
+            make_pose(R_WO, p_WO), dict(enumerate(X_WO.values()))
         )
         assert settled.at_rest, f"object {object_id} does not come to rest"
         X_WO[object_id] = settled.X_SO
@@ -112,21 +112,23 @@ def render(
     scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(params))
     source = scene_graph.RegisterSource("scene")
 
-    def add(shape: Any, X: np.ndarray, name: str, color: Rgba | None = None) -> None:
-        instance = GeometryInstance(RigidTransform(X), shape, name)
+    def add(
+        shape: Any, X: RigidTransform, name: str, color: Rgba | None = None
+    ) -> None:
+        instance = GeometryInstance(X, shape, name)
         properties = PerceptionProperties()
         if color is not None:
             properties.AddProperty("phong", "diffuse", color)
         instance.set_perception_properties(properties)
         scene_graph.RegisterAnchoredGeometry(source, instance)
 
-    table = RigidTransform([0.0, 0.0, -0.01]).GetAsMatrix4()
+    table = RigidTransform([0.0, 0.0, -0.01])
     add(Box(1.6, 1.2, 0.02), table, "table", Rgba(0.62, 0.58, 0.52, 1.0))
     for object_id, X in X_WO.items():
-        add(Mesh(str(library[object_id].source)), X, str(object_id))
+        add(Mesh(library[object_id].source), RigidTransform(X), str(object_id))
     builder.ExportOutput(scene_graph.get_query_output_port(), "query")
     diagram = builder.Build()
-    query = diagram.GetOutputPort("query").Eval(diagram.CreateDefaultContext())
+    query: Any = diagram.GetOutputPort("query").Eval(diagram.CreateDefaultContext())
     core = RenderCameraCore(
         "vtk",
         CameraInfo(
