@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from physim_drake.cli.options import DatasetModels, Split, write_json
+from physim_drake.cli.options import (
+    DatasetModels,
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    Split,
+    messages,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,6 +58,8 @@ def evaluate(
             "rendered."
         ),
     ] = True,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Judge results against a dataset's ground truth.
 
@@ -64,6 +74,7 @@ def evaluate(
     """
     from rich.console import Console
 
+    from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results import read_results
     from physim_drake.evaluation.evaluate import evaluate_results
@@ -75,14 +86,16 @@ def evaluate(
         check_writable(json_file)
     data = BopDataset(dataset, split, models)
     rows = read_results(results)
-    object_ids = {target.object_id for target in data.targets()}
-    library = ObjectLibrary.load(data.models, object_ids)
-    report = evaluate_results(
-        data,
-        rows,
-        library,
-        (lambda intrinsics: DepthRenderer(library, intrinsics)) if vsd else None,
-    )
+    targets = data.targets()
+    library = ObjectLibrary.load(data.models, {t.object_id for t in targets})
+    with Steps(messages(quiet), "target", len(targets)) as steps:
+        report = evaluate_results(
+            data,
+            rows,
+            library,
+            (lambda intrinsics: DepthRenderer(library, intrinsics)) if vsd else None,
+            steps.reach,
+        )
     if json_file is not None and write_json(json_file, report.as_dict()):
         return
     console = Console(highlight=False)

@@ -9,6 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from physim_drake.cli.options import (
+    LogLevel,
+    LogLevelName,
+    Quiet,
+    messages,
+    write_json,
+)
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -55,6 +63,8 @@ def check(
             help="Also write what is shown to FILE, as JSON; - prints JSON instead.",
         ),
     ] = None,
+    quiet: Quiet = False,
+    log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
     """Load all models of a folder; show size, symmetry, collision and problems.
 
@@ -62,10 +72,14 @@ def check(
     """
     from rich.console import Console
 
-    from physim_drake.cli.options import write_json
+    from physim_drake.cli.progress import Steps
     from physim_drake.objects import ObjectLibrary
 
-    reports = [report(model) for model in ObjectLibrary.load(folder).values()]
+    library, reports = ObjectLibrary.load(folder), []
+    with Steps(messages(quiet), "object", len(library)) as steps:
+        for model in library.values():
+            reports.append(report(model))
+            steps.advance()
     if json_file is not None:
         facts = [asdict(item) for item in reports]
         if write_json(json_file, facts):

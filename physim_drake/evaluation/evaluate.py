@@ -42,6 +42,7 @@ def evaluate_results(
     results: Sequence[ResultRow],
     library: ObjectLibrary,
     make_renderer: MakeRenderer | None = None,
+    progress: Callable[[int], object] = lambda done: None,
 ) -> EvaluationReport:
     """Compares estimates with the true poses of the dataset's targets.
 
@@ -56,6 +57,7 @@ def evaluate_results(
             and left out.
         library: the objects.
         make_renderer: gives a renderer for a camera; without it VSD is left out.
+        progress: is told how many targets are done.
 
     Raises:
         InputError: where an image has targets but no ground truth, or the library
@@ -71,9 +73,10 @@ def evaluate_results(
         if image in times and row.time is not None:
             times[image] = max(times[image] or 0.0, row.time)
     errors: list[TargetErrors] = []
-    for target in targets:
+    for done, target in enumerate(targets, 1):
         key = (target.scene_id, target.im_id, target.object_id)
         errors += judge.judge(target, by_target.pop(key, []))
+        progress(done)
     unused = sum(len(rows) for rows in by_target.values())
     return EvaluationReport.of(errors, list(times.values()), unused)
 
