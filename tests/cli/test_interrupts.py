@@ -9,13 +9,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from physim_drake.cli.interrupts import KEPT, PATIENCE
+from physim_drake.cli.interrupts import KEPT
 
-BUSY = 10.0  # s that a computer with much else to do may add; the ways take 60
+PROMISED = 2.0  # s; the ways take 60
+TRIES = 5  # on a computer with much else to do it may take longer now and then
 
 PROGRAM = """
 import ctypes, signal, sys, threading, time
@@ -91,24 +93,28 @@ def stop(process: subprocess.Popen[str], send: Callable[[], None]) -> tuple[str,
     return errors, time.monotonic() - begun
 
 
+def stops_as_promised(way: str, number: int) -> bool:
+    """Whether a signal ends it soon; that it says what is kept holds in any case."""
+    for _ in range(TRIES):
+        process = start(way)
+        errors, seconds = stop(process, partial(process.send_signal, number))
+        assert process.returncode == 128 + number
+        assert errors == f"interrupted: {KEPT['generate']}\n"
+        if seconds < PROMISED:
+            return True
+    return False
+
+
 @pytest.mark.parametrize(
     "way", ["waits", "swallows", "cleans_up_slowly", "fails_at_an_import"]
 )
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_command_with_one_line(way: str, number: int) -> None:
-    process = start(way)
-    errors, seconds = stop(process, lambda: process.send_signal(number))
-    assert process.returncode == 128 + number
-    assert errors == f"interrupted: {KEPT['generate']}\n"
-    assert seconds < PATIENCE + BUSY
+    assert stops_as_promised(way, number)
 
 
 def test_a_long_computation_is_ended_by_force() -> None:
-    process = start("computes_without_the_lock")
-    errors, seconds = stop(process, lambda: process.send_signal(signal.SIGTERM))
-    assert process.returncode == 143
-    assert errors == f"interrupted: {KEPT['generate']}\n"
-    assert seconds < PATIENCE + BUSY
+    assert stops_as_promised("computes_without_the_lock", signal.SIGTERM)
 
 
 def test_the_terminal_s_ctrl_c_and_a_second_one() -> None:
