@@ -9,8 +9,8 @@ process is killed (SIGKILL), one of its workers is, or the run is asked to stop 
 or SIGTERM). What was cut off goes on with `--resume`; what ends is compared, byte by
 byte but for times, with a run that nothing happened to and that had one worker. A kill
 is survived where the run ends with the same files. After each end of a main process,
-what still runs of it a second later is an orphan; what is left in temporary folders or
-beside the results, and is none of them, is litter.
+what still runs of it a second later is an orphan; what is left in temporary folders, in
+shared memory or beside the results, and is none of them, is litter.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +34,16 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.kill_cases import NAMES, Case, contents, make_cases
-from benchmarks.processes import command, end, outlived, printed, run, session, started
+from benchmarks.processes import (
+    command,
+    end,
+    outlived,
+    printed,
+    run,
+    segments,
+    session,
+    started,
+)
 from physim_drake.cli.progress import Steps
 
 _STOP_LIMIT = 10.0  # s; two are promised, a machine with other work gets some more
@@ -54,7 +63,7 @@ class Tally:
         runs: that came to their end.
         same: of these, those with the files of the unbroken run.
         orphans: processes that outlived their main process.
-        litter: files and folders that were left and are no results.
+        litter: files, folders and shared memory that were left and are no results.
         slowest_stop: from the request to the end of the process, s.
         wrong: what else was not as it should be.
     """
@@ -160,7 +169,7 @@ def cut_off(
     Raises:
         RuntimeError: where a run fails or hangs.
     """
-    begun = time.monotonic()
+    begun, shared = time.monotonic(), segments()
     expected = _unbroken(case, folder / "unbroken", 1)
     seconds = time.monotonic() - begun
     for count in case.workers:
@@ -179,6 +188,7 @@ def cut_off(
             ended = _run_once(case, broken, goal, delay, rng, tally)
             told()
         _judge(case, broken, expected, tally.kills - before, tally)
+    _count_litter(case, segments() - shared, tally)
 
 
 def _judge(
@@ -194,11 +204,15 @@ def _judge(
         tally.wrong.append(f"{case.name}: {differences(expected, found)}")
     scratch = folder.parent / "tmp"
     left = [path for path in scratch.iterdir() if not path.name.startswith(_OF_TORCH)]
-    litter = [str(path.name) for path in (*left, *folder.rglob("*.tmp"))]
-    if litter:
-        tally.litter += len(litter)
-        tally.wrong.append(f"{case.name} left {litter}")
+    _count_litter(case, (*left, *folder.rglob("*.tmp")), tally)
     shutil.rmtree(scratch)  # so that nothing is counted again
+
+
+def _count_litter(case: Case, left: Iterable[Path], tally: Tally) -> None:
+    names = [path.name for path in left]
+    if names:
+        tally.litter += len(names)
+        tally.wrong.append(f"{case.name} left {names}")
 
 
 def _run_once(

@@ -25,6 +25,8 @@ PROGRAM = (
 )
 """Begins each command line; Ctrl-C works even where a shell would have it ignored."""
 _ORPHAN = 1.0  # s
+_SHARED = Path("/dev/shm")
+_SEGMENTS = ("psm_*", "sem.mp-*", "torch_*")  # as Python and torch name theirs
 
 
 @contextmanager
@@ -107,6 +109,11 @@ def command(pid: int) -> str:
         return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
     except OSError:
         return ""
+
+
+def segments() -> set[Path]:
+    """What shared memory there is that Python or torch made, whoever uses it."""
+    return {path for name in _SEGMENTS for path in _SHARED.glob(name)}
 
 
 def outlived(pid: int) -> list[int]:

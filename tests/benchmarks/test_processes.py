@@ -4,11 +4,20 @@ from __future__ import annotations
 import os
 import sys
 import time
+from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 import pytest
 
-from benchmarks.processes import end, outlived, printed, run, session, started
+from benchmarks.processes import (
+    end,
+    outlived,
+    printed,
+    run,
+    segments,
+    session,
+    started,
+)
 
 LEAVES_ONE = (
     "import subprocess, sys; print('on its way', flush=True);"
@@ -49,6 +58,16 @@ def test_a_failure_is_told_with_what_was_printed(tmp_path: Path) -> None:
     fails = [sys.executable, "-c", "import os; print(os.environ['TMPDIR']); exit(3)"]
     with pytest.raises(RuntimeError, match=str(tmp_path / "tmp")):
         run(fails, tmp_path)
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="needs Linux")
+def test_shared_memory_is_seen() -> None:
+    memory = SharedMemory(create=True, size=1)
+    path = Path("/dev/shm", memory.name)
+    assert path in segments()
+    memory.close()
+    memory.unlink()
+    assert path not in segments()
 
 
 def test_processes_that_are_gone_are_no_error() -> None:
