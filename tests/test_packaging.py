@@ -94,9 +94,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     )
 
 
-def names_in(wheel: Path) -> set[str]:
+def files_in(wheel: Path) -> dict[str, int]:
+    """The names of its files, each with a checksum."""
     with zipfile.ZipFile(wheel) as archive:
-        return set(archive.namelist())
+        return {info.filename: info.CRC for info in archive.infolist()}
 
 
 def test_the_wheel_holds_every_file_of_the_packages(built: Built) -> None:
@@ -107,7 +108,7 @@ def test_the_wheel_holds_every_file_of_the_packages(built: Built) -> None:
     }
     assert "physim_drake/py.typed" in expected
     assert "physim_drake/models/apc11/library.yaml" in expected
-    found = names_in(built.wheel)
+    found = set(files_in(built.wheel))
     assert expected - found == set()
     assert {n for n in found - expected if ".dist-info/" not in n} == set()
 
@@ -125,7 +126,8 @@ def test_the_source_archive_holds_every_tracked_file(built: Built) -> None:
 
 
 def test_the_source_archive_builds_the_same_wheel(built: Built) -> None:
-    assert names_in(built.wheel_of_sdist) == names_in(built.wheel)
+    """So that what holds for an installation of the one holds for the other."""
+    assert files_in(built.wheel_of_sdist) == files_in(built.wheel)
 
 
 @pytest.fixture(scope="module")
