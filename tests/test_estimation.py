@@ -200,6 +200,15 @@ def test_a_wrong_object_has_little_confidence() -> None:
     assert all(o.confidence < 0.6 for o in result.objects)
 
 
+def test_an_object_that_is_not_there_is_not_found_where_another_stands() -> None:
+    first, second = apart().detections
+    absent = replace(second, object_id=COFFEE)
+    result = estimate_scene(
+        apart().observation, small_library(), [first, second, absent], quick()
+    )
+    assert not result.objects[2].found
+
+
 def test_without_a_camera_pose_the_world_is_the_table() -> None:
     observation = replace(apart().observation, X_WC=None)
     result = estimate_scene(

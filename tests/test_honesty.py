@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""A model that is not what stands there is not found, or found without confidence."""
+"""Confidence means what it says.
+
+A model that is not what stands there is not found, or found without confidence; and of
+estimates that claim at least 0.9, at least 95 % are right, here on a few generated
+scenes, on more of them in docs/results.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +15,21 @@ import pytest
 import trimesh
 
 from physim_drake.estimate import ObjectEstimate
-from physim_drake.estimation import estimate_scene
+from physim_drake.estimation import (
+    EstimationConfig,
+    Method,
+    PoseEstimator,
+    estimate_scene,
+)
+from physim_drake.evaluation.calibration import Calibration
+from physim_drake.evaluation.pose_errors import pose_error
+from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary, ObjectModel
 from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.poses import SymmetryGroup, inverse, make_pose
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.search.states import composite
+from physim_drake.testing import observed_scene
 from tests.synthetic import (
     CAMERA,
     X_WC,
@@ -23,9 +37,9 @@ from tests.synthetic import (
     mask_box,
     noisy,
     plane_depth,
-    pose_error,
     turned,
 )
+from tests.synthetic import pose_error as distance_and_angle
 from tests.test_estimation import quick
 
 X_WO = make_pose(turned("z", 35), [-0.03, -0.02, 0.0])
@@ -58,7 +72,7 @@ def estimated(mesh: trimesh.Trimesh, detection: Detection) -> ObjectEstimate:
 def test_the_right_model_is_found_with_confidence() -> None:
     found = estimated(l_shape().mesh, seen()[1])
     assert found.X_WO is not None
-    distance, angle = pose_error(found.X_WO, X_WO, SymmetryGroup())
+    distance, angle = distance_and_angle(found.X_WO, X_WO, SymmetryGroup())
     assert (distance < 10) & (angle < 5)
     assert found.confidence > 0.9
 
@@ -81,3 +95,39 @@ def test_an_object_that_is_not_there_is_not_found() -> None:
     assert not found.found
     assert found.confidence == 0
     assert "segment has" in found.reason
+
+
+LEVELS = (1, 2, 3, 3)
+"""Of the generated scenes."""
+
+
+@pytest.mark.parametrize(
+    ("config", "errs"),
+    [
+        (EstimationConfig().with_budget(4, 3), False),
+        (EstimationConfig(Method.PCA_ICP), True),
+    ],
+    ids=["little search", "no search"],
+)
+def test_estimates_that_claim_to_be_sure_are_right(
+    config: EstimationConfig, errs: bool
+) -> None:
+    """Also of a method that is wrong where it does not claim so."""
+    library = ObjectLibrary.load(APC11)
+    claims, right = [], []
+    with PoseEstimator(library, config) as estimator:
+        for seed, level in enumerate(LEVELS):
+            scene = observed_scene(library, level, seed)
+            estimate = estimator.estimate(scene.observation, scene.detections)
+            for found, true in zip(estimate.objects, scene.ground_truth, strict=True):
+                if found.X_CO is not None:
+                    symmetry = library[true.object_id].symmetry
+                    error = pose_error(true.X_CO, found.X_CO, symmetry)
+                    claims.append(found.confidence)
+                    right.append(error.within(np.radians(5.0), 0.01))
+    calibration = Calibration.of(claims, right)
+    assert calibration is not None
+    assert calibration.sure >= len(claims) / 2
+    assert calibration.sure_correct is not None
+    assert calibration.sure_correct >= 0.95
+    assert not (errs and all(right))
