@@ -11,9 +11,24 @@ import pytest
 from physim_drake.errors import InputError
 from physim_drake.reporting.explanation_figures import graph_nodes, tree_blocks
 from physim_drake.reporting.explanation_page import explanation_page, write_explanation
+from tests.browser import needs_chromium, opened
 from tests.reporting.explained import BOTTLE, BOX, CRAYONS, bare, example
 
 VOID = {"meta", "img", "br"}
+
+STAGES = (
+    "camera",
+    "surface",
+    "segment",
+    "hypotheses",
+    "placed before",
+    "search",
+    "object by object",
+    "truth",
+)
+"""What the sections are about, in order."""
+
+_MISSING = "[...document.images].filter(i => !i.naturalWidth).map(i => i.alt)"
 
 
 class Balance(HTMLParser):
@@ -70,6 +85,20 @@ def test_every_stage_has_its_section(page: str) -> None:
     assert headings == list("12345678")
     for name in example().names:
         assert page.count(name) >= 8
+
+
+@needs_chromium
+def test_it_opens_from_a_file_and_shows_every_stage(tmp_path: Path) -> None:
+    path = write_explanation(example(), tmp_path)
+    with opened(path.as_uri()) as page:
+        assert page.evaluate(_MISSING) == []
+        headings = page.locator("h2").all_inner_texts()
+        for stage, heading in zip(STAGES, headings, strict=True):
+            assert stage in heading.lower()
+        for picture in ("Outlines of the poses kept of", "Residuals", "Best state"):
+            assert page.locator(f"img[alt*='{picture}']").count() > 0
+        blocks = page.locator("svg title").all_text_contents()
+        assert any("tried" in text and "score" in text for text in blocks)
 
 
 def test_right_poses_are_called_right(page: str) -> None:
