@@ -20,6 +20,7 @@ from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.files import write_atomically
 from physim_drake.objects import ObjectModel
 from physim_drake.observation import RgbdObservation
+from physim_drake.rendering.captions import FONT, Captions, font_scale
 from physim_drake.rendering.colors import diverging_colors, object_color
 from physim_drake.rendering.depth import DepthRenderer
 
@@ -31,7 +32,6 @@ RESIDUAL_RANGE = 0.02
 _TINT = 0.4
 _DIM = 0.35
 _UNMEASURED = (40, 40, 40)
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 @dataclass(frozen=True)
@@ -118,36 +118,14 @@ def _tinted(
         mask = (scene.labels == index).astype(np.uint8)
         edges, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(canvas, edges, -1, object_color(index), 2, cv2.LINE_AA)
-    taken: list[int] = []
+    captions = Captions(canvas)
     for index, item in enumerate(objects):
         rows, columns = np.nonzero(scene.labels == index)
-        text = f"{item.name} {item.confidence:.2f}"
         if item.found and len(rows):
-            _label(canvas, text, int(columns.mean()), int(rows.min()), index, taken)
+            text = f"{item.name} {item.confidence:.2f}"
+            place = int(columns.mean()), int(rows.min())
+            captions.write(text, *place, object_color(index), centred=True)
     return canvas
-
-
-def _label(
-    canvas: Image,
-    text: str,
-    column: int,
-    row: int,
-    index: int,
-    taken: list[int],
-) -> None:
-    """Writes a name above an object, clear of the rows written before."""
-    scale = canvas.shape[1] / 1280
-    (width, height), below = cv2.getTextSize(text, _FONT, scale, 1)
-    step = height + below + 4
-    left = int(np.clip(column - width // 2, 2, max(canvas.shape[1] - width - 2, 2)))
-    rows = [*range(row - 4, step, -1), *range(max(row - 4, step), canvas.shape[0])]
-    free = (r for r in rows if all(abs(r - t) >= step for t in taken))
-    bottom = next(free, step)
-    taken.append(bottom)
-    corner = (left - 2, bottom - height - 3)
-    cv2.rectangle(canvas, corner, (left + width + 2, bottom + below), (0, 0, 0), -1)
-    light = tuple(int(128 + c / 2) for c in object_color(index))
-    cv2.putText(canvas, text, (left, bottom), _FONT, scale, light, 1, cv2.LINE_AA)
 
 
 def _residuals(background: Image, measured: DepthImage, scene: SceneLabels) -> Image:
@@ -166,8 +144,8 @@ def _residuals(background: Image, measured: DepthImage, scene: SceneLabels) -> I
 def _legend(image: Image, title: str) -> None:
     """Draws the colour scale along the bottom."""
     height, width = image.shape[:2]
-    scale = width / 1280
-    (_, line), _ = cv2.getTextSize("0", _FONT, scale, 1)
+    scale = font_scale(image)
+    (_, line), _ = cv2.getTextSize("0", FONT, scale, 1)
     bar = max(line, 6)
     left, right = int(0.25 * width), int(0.75 * width)
     top = height - bar - line - 12
@@ -184,9 +162,9 @@ def _legend(image: Image, title: str) -> None:
 
 
 def _centred(image: Image, text: str, column: int, bottom: int, scale: float) -> None:
-    (width, _), _ = cv2.getTextSize(text, _FONT, scale, 1)
+    (width, _), _ = cv2.getTextSize(text, FONT, scale, 1)
     place = (column - width // 2, bottom)
-    cv2.putText(image, text, place, _FONT, scale, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(image, text, place, FONT, scale, (255, 255, 255), 1, cv2.LINE_AA)
 
 
 def write_png(path: Path, image: Image) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from physim_drake.estimate import ObjectEstimate
 from physim_drake.observation import Mask
 from physim_drake.poses import Array, transform_points
+from physim_drake.rendering.captions import Captions
 from physim_drake.rendering.colors import Color, diverging_colors, object_color
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import RESIDUAL_RANGE, draw_overlay, render_labels
@@ -34,7 +35,6 @@ _DIM = 0.35
 _UNMEASURED = (40, 40, 40)
 _WHITE: Color = (255, 255, 255)
 _SURFACE: Color = (0, 170, 160)
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Pictures:
@@ -62,18 +62,21 @@ class Pictures:
     def detections(self) -> Image:
         """The image with the box of each object to find."""
         canvas = self.plain.copy()
-        labels = _Labels(canvas)
         for k, detection in enumerate(self._e.detections):
             if detection.mask is not None:
                 _tint(canvas, detection.mask, object_color(k), 0.3)
             left, top, right, bottom = (round(float(x)) for x in detection.box)
             corners = (left, top), (right - 1, bottom - 1)
             cv2.rectangle(canvas, *corners, object_color(k), 2, cv2.LINE_AA)
-            labels.write(self._e.names[k], left, top, object_color(k))
+        captions = Captions(canvas)
+        for k, detection in enumerate(self._e.detections):
+            left, top = (round(float(x)) for x in detection.box[:2])
+            name = self._e.names[k]
+            captions.write(name, left, top, object_color(k), centred=False)
         return canvas
 
     def depth(self) -> Image:
-        """The depth image: yellow is near, blue far, black not measured.
+        """The depth image: yellow is near, purple far, black not measured.
 
         The objects have most of the colours.
         """
@@ -93,7 +96,7 @@ class Pictures:
         return canvas
 
     def heights(self) -> Image:
-        """How high everything is above the surface: blue 0, yellow the highest."""
+        """How high everything is above the surface: purple 0, yellow the highest."""
         scene = self._e.scene
         p_C = scene.intrinsics.unproject(scene.depth)
         heights = heights_above(self._e.estimate.surface, p_C)
@@ -249,43 +252,3 @@ class _View:
             smooth.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE
         )
         cv2.drawContours(canvas, edges, -1, color, width, cv2.LINE_AA)
-
-
-class _Labels:
-    """Writes names on dark grounds that do not cover each other."""
-
-    def __init__(self, canvas: Image) -> None:
-        self._canvas = canvas
-        self._scale = canvas.shape[1] / 1280
-        self._taken: list[tuple[int, int, int, int]] = []
-
-    def write(self, text: str, left: int, bottom: int, color: Color) -> None:
-        """Writes above `bottom`, or where there is room next above, else below."""
-        (width, height), below = cv2.getTextSize(text, _FONT, self._scale, 1)
-        width, height = width + 4, height + below + 4
-        rows, columns = self._canvas.shape[:2]
-        left = int(np.clip(left, 0, max(columns - width, 0)))
-        last = max(rows - height, 0)
-        first = int(np.clip(bottom - height, 0, last))
-        top = next(
-            (
-                t
-                for t in (*range(first, -1, -1), *range(first, last + 1))
-                if self._free(left, t, left + width, t + height)
-            ),
-            first,
-        )
-        self._taken.append((left, top, left + width, top + height))
-        end = (left + width, top + height)
-        cv2.rectangle(self._canvas, (left, top), end, (0, 0, 0), -1)
-        light = tuple(128 + c // 2 for c in color)
-        start = (left + 2, top + height - below - 2)
-        cv2.putText(
-            self._canvas, text, start, _FONT, self._scale, light, 1, cv2.LINE_AA
-        )
-
-    def _free(self, left: int, top: int, right: int, bottom: int) -> bool:
-        return all(
-            right <= a or c <= left or bottom <= b or d <= top
-            for a, b, c, d in self._taken
-        )

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""Names written into pictures, on dark grounds that do not cover each other."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from physim_drake.rendering.colors import Color
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def font_scale(canvas: NDArray[np.uint8]) -> float:
+    """The size of letters that suits a picture's width."""
+    return canvas.shape[1] / 1280
+
+
+class Captions:
+    """Writes names into one picture.
+
+    Args:
+        canvas: (height, width, 3) RGB, which is written into.
+    """
+
+    def __init__(self, canvas: NDArray[np.uint8]) -> None:
+        self._canvas = canvas
+        self._scale = font_scale(canvas)
+        self._taken: list[tuple[int, int, int, int]] = []
+
+    def write(
+        self, text: str, column: int, bottom: int, color: Color, *, centred: bool
+    ) -> None:
+        """Writes above `bottom`; where that is taken, next above, else below.
+
+        Args:
+            text: what to write.
+            column: where it begins or, `centred`, has its middle, px.
+            bottom: the row that it stays above, px.
+            color: of the letters, made lighter.
+            centred: see `column`.
+        """
+        (width, height), below = cv2.getTextSize(text, FONT, self._scale, 1)
+        width, height = width + 4, height + below + 4
+        rows, columns = self._canvas.shape[:2]
+        left = column - width // 2 if centred else column
+        left = int(np.clip(left, 0, max(columns - width, 0)))
+        last = max(rows - height, 0)
+        first = int(np.clip(bottom - height, 0, last))
+        free = (
+            t
+            for t in (*range(first, -1, -1), *range(first, last + 1))
+            if self._free(left, t, left + width, t + height)
+        )
+        top = next(free, first)
+        self._taken.append((left, top, left + width, top + height))
+        end = (left + width - 1, top + height - 1)
+        cv2.rectangle(self._canvas, (left, top), end, (0, 0, 0), -1)
+        light = tuple(128 + c // 2 for c in color)
+        start = (left + 2, top + height - below - 2)
+        cv2.putText(self._canvas, text, start, FONT, self._scale, light, 1, cv2.LINE_AA)
+
+    def _free(self, left: int, top: int, right: int, bottom: int) -> bool:
+        return all(
+            right <= a or c <= left or bottom <= b or d <= top
+            for a, b, c, d in self._taken
+        )
