@@ -149,6 +149,7 @@ def reliability_figure(calibration: Calibration) -> Figure:
         height = 1.02 + 0.06 * (k % 3)
         axes.text((b.low + b.high) / 2, height, str(b.estimates), ha="center", size=7)
     axes.set(xlabel="confidence", ylabel="share that is right", xlim=(0, 1))
-    axes.set_ylim(0, 1.22)
+    axes.set(ylim=(0, 1.22), yticks=np.linspace(0, 1, 6))
+    axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="center left", fontsize="small")
     return figure

@@ -40,7 +40,7 @@ def write_episodes_report(
     """
     page = render_page(
         "episodes.html.j2",
-        seed=seed,
+        title=f"Pick cell, seed {seed}",
         overall=figures(results),
         episodes=[
             {

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from physim_drake.datasets.bop import ImageId
-from physim_drake.evaluation.calibration import reliability_figure
+from physim_drake.evaluation.calibration import SURE, reliability_figure
 from physim_drake.evaluation.report import Summary, TargetErrors
 from physim_drake.files import write_atomically
 from physim_drake.poses import Array
@@ -214,7 +214,15 @@ def _reliability(run: MethodRun) -> dict[str, str] | None:
     if calibration is None:
         return None
     picture = png(reliability_figure(calibration))
-    return {"png": picture, "text": str(calibration).splitlines()[0]}
+    text = f"Of {calibration.sure} estimates that claim {SURE:g} or more, "
+    if calibration.sure_correct is None:
+        text = f"No estimate claims {SURE:g} or more. "
+    else:
+        text += (
+            f"{100 * calibration.sure_correct:.1f} % are within 5 degrees and 1 cm. "
+        )
+    text += "Above each bar stands how many estimates it counts."
+    return {"png": picture, "text": text}
 
 
 def _gallery(study: Study, run: MethodRun, count: int) -> list[_Picture]:
