@@ -22,6 +22,7 @@ from physim_drake.reporting.search_record import SearchRecord, TreeNode
 
 _ALL, _KEPT, _BEST, _TRUE = "#7f9fc4", "#e08214", "#d62728", "#2ca02c"
 _SHOWN = 800  # poses on a map
+_LEAST_MAP = 1.0  # of a map's sides, cm
 _GRID: dict[str, Any] = {"alpha": 0.2, "linewidth": 0.6}
 _ABOVE: dict[str, Any] = {
     "fontsize": 8,
@@ -84,6 +85,9 @@ def pose_map(explanation: Explanation, k: int) -> Markup:
             X_SO = np.linalg.inv(explanation.scene.X_CS) @ truth
             x, y = 100 * (X_SO[:3, :3] @ middle + X_SO[:3, 3])[:2]
             axes.plot(x, y, "x", color=_TRUE, markersize=8, label="true")
+        # Poses that differ by hairbreadths are shown as the one place that they are.
+        middle = kept[:, :2].mean(axis=0)
+        axes.update_datalim([middle - _LEAST_MAP / 2, middle + _LEAST_MAP / 2])
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_xlabel("x, cm")
         axes.set_ylabel("y, cm")

@@ -16,6 +16,10 @@ NEAR_DEG, NEAR_MM = 20.0, 25.0
 """A hypothesis within both is one that registration can be expected to mend."""
 
 _DOUBTED = 0.9
+_RIVALS = (
+    "Other poses of it that were tried explain the image about as well, so that "
+    "they share the confidence."
+)
 
 
 def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
@@ -30,10 +34,7 @@ def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
     if item.confidence >= explanation.config.confirmed:
         return "The depth image confirms it."
     if shares.product >= explanation.config.confirmed:
-        return (
-            "The depth image agrees with it, but about as well with another pose of it "
-            "that was tried, so that the two share the confidence."
-        )
+        return f"The depth image agrees with it. {_RIVALS}"
     doubts = []
     if shares.agrees < _DOUBTED:
         doubts.append(
@@ -46,7 +47,10 @@ def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
             f"Of the depth in its segment, {1 - shares.explained:.0%} is explained by "
             "no object: its box holds other things as well, or the pose is off."
         )
-    return " ".join(["The depth image does not confirm it.", *doubts])
+    if item.confidence < _DOUBTED * shares.product:
+        doubts.append(_RIVALS)
+    start = "does not confirm" if doubts else "nearly confirms"
+    return " ".join([f"The depth image {start} it.", *doubts])
 
 
 def diagnosis(explanation: Explanation, k: int) -> str:

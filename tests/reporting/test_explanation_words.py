@@ -39,9 +39,15 @@ def test_a_confirmed_object_has_no_doubts() -> None:
     assert verdict(example(), BOX, GOOD) == "The depth image confirms it."
 
 
+def test_little_doubt_is_called_little() -> None:
+    text = verdict(with_confidence(0.92), BOX, Shares(0.96, 0.96))
+    assert text == "The depth image nearly confirms it."
+
+
 @pytest.mark.parametrize(
     ("shares", "said", "unsaid"),
     [
+        (Shares(0.95, 0.95), "share the confidence", "measured depth"),
         (Shares(0.6, 0.95), "40% of the measured depth", "its segment"),
         (Shares(0.95, 0.5), "50% is explained by no object", "measured depth is not"),
     ],
@@ -58,7 +64,7 @@ def test_doubts_name_the_share_that_is_low(
 def test_a_confidence_that_is_shared_is_no_doubt_about_the_fit() -> None:
     text = verdict(with_confidence(0.5), BOX, GOOD)
     assert "agrees" in text
-    assert "another pose" in text
+    assert "Other poses" in text
 
 
 def test_not_found_says_why_and_what_may_be_behind_it() -> None:
