@@ -14,7 +14,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 def font_scale(canvas: NDArray[np.uint8]) -> float:
     """The size of letters that suits a picture's width."""
-    return canvas.shape[1] / 1280
+    return float(canvas.shape[1]) / 1280
 
 
 class Captions:
