@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -30,6 +31,23 @@ from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import draw_overlay, write_png
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Tally:
+    """What the images of a run came to; not the images, which would fill the memory."""
+
+    images: int = 0
+    objects: int = 0
+    found: int = 0
+    seconds: float = 0.0
+
+    def add(self, result: ImageResult) -> None:
+        """Counts one more."""
+        self.images += 1
+        self.objects += len(result.estimate.objects)
+        self.found += sum(o.found for o in result.estimate.objects)
+        self.seconds += result.seconds
 
 
 class EstimateRun:
@@ -61,7 +79,7 @@ class EstimateRun:
     ) -> None:
         """Estimates those images that `writer` has not got yet."""
         todo = [image for image in images if image not in writer.done]
-        finished: list[ImageResult] = []
+        tally = _Tally()
         draw = _Drawer(self._library)
         with (
             Steps(self._console, "image", len(images)) as steps,
@@ -84,11 +102,11 @@ class EstimateRun:
                     result.write_trace(trace)
                 # Last, so that --resume makes up for pictures that were cut off.
                 writer.write_image(*result.image, result.rows(), result.seconds)
-                finished.append(result)
+                tally.add(result)
                 self._tell(result)
                 _log.info("%s: seconds by stage: %s", *_stages(result))
                 steps.advance()
-        self._summarise(finished, len(images), writer.path)
+        self._summarise(tally, len(images), writer.path)
 
     def _tell(self, result: ImageResult) -> None:
         """A table of the image on a terminal; elsewhere only what is not found."""
@@ -122,18 +140,13 @@ class EstimateRun:
                     soft_wrap=True,
                 )
 
-    def _summarise(
-        self, finished: Sequence[ImageResult], total: int, path: Path
-    ) -> None:
-        if not finished:
+    def _summarise(self, tally: _Tally, total: int, path: Path) -> None:
+        if not tally.images:
             self._console.print(f"all {total} images were done: {path}", markup=False)
             return
-        objects = [o for result in finished for o in result.estimate.objects]
-        found = sum(o.found for o in objects)
-        seconds = sum(result.seconds for result in finished) / len(finished)
         self._console.print(
-            f"{len(finished)} images, {found} of {len(objects)} objects found, "
-            f"{seconds:.1f} s an image: {path}",
+            f"{tally.images} images, {tally.found} of {tally.objects} objects found, "
+            f"{tally.seconds / tally.images:.1f} s an image: {path}",
             markup=False,
             soft_wrap=True,
         )

@@ -69,7 +69,9 @@ class TrainingLog:
                 self.losses = [dict(e) for e in earlier["losses"].value]
                 self.tests = [dict(e) for e in earlier["tests"].value]
                 for entry in (*self.losses, *self.tests):
-                    float(entry["step"]), float(entry.get("seconds", 0.0))
+                    float(entry["step"])
+                for entry in self.losses:
+                    float(entry["seconds"])
             except (KeyError, TypeError, ValueError):
                 raise InputError(
                     path, "is no log of a training run", "remove it"

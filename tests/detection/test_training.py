@@ -16,7 +16,7 @@ from physim_drake.detection.checkpoints import AveragedWeights
 from physim_drake.detection.networks import make_network
 from physim_drake.detection.training import Trainer, TrainingConfig
 from physim_drake.detection.training_images import LabelledImage, TrainingImages
-from physim_drake.detection.training_log import TrainingLog
+from physim_drake.detection.training_log import LOG_FILE, TrainingLog
 from physim_drake.errors import InputError
 from tests.detection.scenes import CLASSES, HEIGHT, LABELS, WIDTH, draw_image, tiny
 
@@ -162,6 +162,13 @@ def test_the_log_of_another_run_is_refused(tmp_path: Path):
     TrainingLog(tmp_path, {"network": {"channels": 3}}).write()
     with pytest.raises(InputError, match="resume with the settings of the earlier"):
         TrainingLog(tmp_path, {"network": {"channels": 4}})
+
+
+def test_a_log_without_times_is_refused(tmp_path: Path) -> None:
+    log = {"settings": {}, "losses": [{"step": 0}], "tests": []}
+    (tmp_path / LOG_FILE).write_text(json.dumps(log))
+    with pytest.raises(InputError, match="is no log of a training run"):
+        TrainingLog(tmp_path, {})
 
 
 def test_curves_are_drawn(unbroken: Run, tmp_path: Path):
