@@ -27,6 +27,12 @@ _PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md"}
 _LANGUAGES = {".py": "python", ".yaml": "yaml", ".json": "json"}
 _LINK = re.compile(r"(\]\()([^)#\s:]+)(#[^)\s]*)?(\))")
 _CODE = re.compile(r"^(`{3,}).*?^\1`*$", re.DOTALL | re.MULTILINE)
+_INLINE_CODE = re.compile(r"(?<!</span>)<code>[^<]+</code>")
+_COMMANDS = re.compile(r'<div class="language-sh.*?</div>', re.DOTALL)
+_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+_SHORT = len("<code></code>") + 20
+_CELL = re.compile(r"<td[^>]*>[^<]*")
+_UNIT = re.compile(r"(?<=\d) (?=(?:cm|mm|m|ms|s|N|MB|GB|%)(?:\W|$))")
 _FORMULA = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">\\[\[(](?P<tex>.*?)\\[\])]</(?P=tag)>',
     re.DOTALL,
@@ -94,14 +100,24 @@ def on_page_markdown(
 def on_page_content(
     content: str, page: Page, config: MkDocsConfig, files: Files
 ) -> str:
-    """Turns formulas into MathML, and marks the cells that hold an option."""
+    """Turns formulas into MathML, and keeps together what is not to be broken up."""
 
     def drawn(match: re.Match[str]) -> str:
         display = "block" if match["tag"] == "div" else "inline"
         return convert(html.unescape(match["tex"]).strip(), display=display)
 
-    content = content.replace("<td><code>--", '<td class="option"><code>--')
+    # Drake's own documentation makes a drawing of the block below this line.
+    content = content.replace("<p>.. pydrake_system::</p>", "")
+    content = _CELL.sub(lambda cell: _UNIT.sub("&nbsp;", cell[0]), content)
+    content = _COMMANDS.sub(_whole, _INLINE_CODE.sub(_whole, content))
     return _FORMULA.sub(drawn, content)
+
+
+def _whole(code: re.Match[str]) -> str:
+    """Keeps short code, and the options in longer code, in one line."""
+    if len(code[0]) <= _SHORT:
+        return code[0].replace("<code>", '<code class="whole">')
+    return _OPTION.sub(r'<span class="whole">\g<0></span>', code[0])
 
 
 def _docs_text(file: File) -> str:

@@ -139,6 +139,13 @@ def test_formulas_are_drawn_without_scripts(site: Path) -> None:
     assert "arithmatex" not in text
 
 
+def test_options_are_not_broken_up(site: Path) -> None:
+    text = (site / "cli.html").read_text()
+    assert '<code class="whole">--resume</code>' in text
+    assert "<code>RAY_ADDRESS=10.0.0.5:6379 physim-drake estimate datasets/lab" in text
+    assert '<span class="whole">--engine</span> ray</code>' in text
+
+
 def test_files_that_pages_link_to_are_pages(site: Path) -> None:
     text = (site / "build-a-diagram.html").read_text()
     assert 'href="source/examples/perception_diagram.py.html"' in text
@@ -150,6 +157,9 @@ def test_docstrings_are_in_the_reference(site: Path) -> None:
     text = (site / "api" / "estimating.html").read_text()
     assert 'id="physim_drake.estimation.PoseEstimator.estimate"' in text
     assert "one for each object to find" in text
+    systems = (site / "api" / "systems.html").read_text()
+    assert "name: PerceptionDiagram" in systems
+    assert "pydrake_system" not in systems
 
 
 @needs_chromium
@@ -181,3 +191,27 @@ def test_the_search_finds_a_command(address: str, browser: Browser) -> None:
     hit.wait_for(timeout=20_000)
     assert "Troubleshooting" in hit.inner_text()
     page.close()
+
+
+@needs_chromium
+def test_commands_are_copied_as_they_were_written(
+    address: str, browser: Browser
+) -> None:
+    """Shown on a phone, where they go over several lines."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = readme.split("```sh\n")[1].split("```")[0].strip()
+    assert "\n" in commands
+    context = browser.new_context(
+        permissions=["clipboard-read", "clipboard-write"],
+        viewport={"width": 390, "height": 800},
+    )
+    page = context.new_page()
+    page.goto(address + "index.html")
+    block = page.locator(".language-sh").first
+    code = block.locator("code")
+    assert code.evaluate("code => code.scrollWidth <= code.clientWidth")
+    block.hover()
+    block.locator("button").first.click()
+    page.wait_for_function("async () => await navigator.clipboard.readText()")
+    assert page.evaluate("navigator.clipboard.readText()") == commands
+    context.close()
