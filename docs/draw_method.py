@@ -21,7 +21,6 @@ from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import Explanation, explain_image
 from physim_drake.reporting.explanation_figures import (
     anytime_curve,
-    pose_map,
     score_histogram,
     tree_blocks,
 )
@@ -42,27 +41,16 @@ def explanation() -> Explanation:
     return explain_image(data, IMAGE, look_up, source, library, config)
 
 
-def draw_images(e: Explanation, pictures: Pictures, shown: int) -> None:
+def draw_images(pictures: Pictures, shown: int) -> None:
     """What is drawn over the image, as WebP."""
-    close_up, residuals = pictures.close_up(shown)
-    (record, *_) = e.searches
-    points = list({p.expansion: p for p in record.result.trace}.values())
-    first, last = (
-        pictures.state(record.order, e.scene.X_CS @ points[n].poses) for n in (0, -1)
-    )
     images = {
         "detections": pictures.detections(),
-        "depth": pictures.depth(),
         "surface": pictures.surface(),
         "heights": pictures.heights(),
         "segments": pictures.segments(),
         "hypotheses": pictures.hypotheses(shown),
-        "first-state": first,
-        "best-state": last,
         "estimate": pictures.estimate(),
         "residuals": pictures.residuals,
-        "close-up": close_up,
-        "close-up-residuals": residuals,
     }
     for name, image in images.items():
         Image.fromarray(np.asarray(image)).save(
@@ -76,7 +64,6 @@ def draw_diagrams(e: Explanation, shown: int) -> None:
     inside = np.any([e.scene.segments[k].mask for k in record.order], axis=0)
     diagrams = {
         "scores": score_histogram(e, shown),
-        "map": pose_map(e, shown),
         "curve": anytime_curve(record, (), int(np.count_nonzero(inside))),
         "tree": tree(e),
     }
@@ -91,7 +78,8 @@ def tree(e: Explanation) -> str:
     """The search tree: a row an object, a block a hypothesis, as wide as its visits."""
     (record, *_) = e.searches
     blocks = tree_blocks(record, e.names)
-    rows = 1 + max(block.row for block in blocks)
+    rows = len(record.order)
+    reached = {block.row for block in blocks}
     with page_style():
         figure = Figure(figsize=(7.0, 0.2 + 0.5 * rows))
         axes = figure.add_axes((0.0, 0.02, 1.0, 0.96))
@@ -105,7 +93,9 @@ def tree(e: Explanation) -> str:
                 zorder=2 if block.best else 1,
             )
         for row in range(rows):
-            axes.text(0.0, 0.66 - row, e.names[record.order[row]], fontsize=9)
+            name = e.names[record.order[row]]
+            name += "" if row in reached else ": not reached, placed at random"
+            axes.text(0.0, 0.66 - row, name, fontsize=9)
         axes.set_xlim(0, 1)
         axes.set_ylim(0.9 - rows, 1.0)
         axes.axis("off")
@@ -119,7 +109,7 @@ def main() -> None:
     models = {d.object_id: e.library[d.object_id] for d in e.detections}
     pictures = Pictures(e, DepthRenderer(models, e.observation.intrinsics))
     shown = e.searches[0].order[-1]
-    draw_images(e, pictures, shown)
+    draw_images(pictures, shown)
     draw_diagrams(e, shown)
     for k, h in enumerate(e.hypotheses):
         print(e.names[k], len(h.X_SO), "poses,", len(h.representatives), "kept")
