@@ -7,6 +7,7 @@ from pathlib import Path
 
 from physim_drake.picking.task_state import EventKind, TaskEvent
 from physim_drake.reporting.episodes import write_episodes_report
+from tests.browser import needs_chromium, opened
 from tests.picking.test_episode import EVENTS, result
 
 
@@ -51,3 +52,13 @@ def test_names_cannot_break_the_page(tmp_path: Path) -> None:
         [replace(result(), events=(event,))], (), "0", tmp_path
     )
     assert "<script>" not in path.read_text(encoding="utf-8")
+
+
+@needs_chromium
+def test_the_page_fits_on_a_phone(tmp_path: Path) -> None:
+    event = TaskEvent(1.0, EventKind.DROPPED, "elmers_washable_no_run_school_glue", "")
+    write_episodes_report([replace(result(), events=(event,))], (), "0", tmp_path)
+    with opened((tmp_path / "index.html").as_uri()) as shown:
+        shown.set_viewport_size({"width": 390, "height": 800})
+        shown.evaluate("document.querySelectorAll('details').forEach(d => d.open = 1)")
+        assert shown.evaluate("document.documentElement.scrollWidth") == 390
