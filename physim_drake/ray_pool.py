@@ -29,8 +29,8 @@ class RayPool(Closing):
     """Calls the methods of one object, made anew in every worker process.
 
     The machines are those of the cluster that the variable RAY_ADDRESS names, or that
-    ``ray start`` began on this machine, or this machine alone. They need the same
-    version of this package, but no common files.
+    ``ray start`` began on this machine. They need the same version of this package, but
+    no common files.
 
     Args:
         make: gives the object; must be picklable.
@@ -154,13 +154,16 @@ def _connect() -> Any:
 
     if not ray.is_initialized():
         try:
-            _knock(os.environ.get("RAY_ADDRESS", ""))
-            ray.init(log_to_driver=False, logging_level="ERROR")
+            address = os.environ.get("RAY_ADDRESS", "")
+            _knock(address)
+            # Without "auto" it would begin a cluster, open to the whole network.
+            ray.init(address or "auto", log_to_driver=False, logging_level="ERROR")
         except (ConnectionError, OSError, RuntimeError, ValueError) as error:
             raise InputError(
                 "RAY_ADDRESS",
                 f"no Ray cluster answers: {str(error).splitlines()[0]}",
-                "check the address, or unset the variable to use this machine alone",
+                "name one that runs, or begin one with `ray start --head`; on this "
+                "machine alone leave --engine out",
             ) from None
     return ray
 

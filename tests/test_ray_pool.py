@@ -63,6 +63,20 @@ def test_results_come_in_order() -> None:
     assert list(in_order(results)) == ["a", "b", "c", "d"]
 
 
+def test_no_cluster_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ray's own would listen to the whole network."""
+
+    def init(address: str | None = None, **_: object) -> None:
+        assert address == "auto"
+        raise ConnectionError("Could not find any running Ray instance.")
+
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    monkeypatch.setattr(ray, "init", init)
+    with pytest.raises(InputError, match="no Ray cluster answers"):
+        RayPool(dict)
+
+
 def test_a_machine_is_lost_and_nothing_else(cluster: Any, tmp_path: Path) -> None:
     second = cluster.add_node(num_cpus=1)
     cluster.wait_for_nodes()
