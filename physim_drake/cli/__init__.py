@@ -34,7 +34,9 @@ _INTERRUPTED = 130
 
 app = typer.Typer(
     name="physim-drake",
-    help="6D poses of all known objects in a cluttered scene, from one RGB-D image.",
+    help="6D poses of all known objects in a cluttered scene, from one RGB-D image.\n\n"
+    "Example: `physim-drake estimate datasets/lab --out results.csv`; the help of each "
+    "command has another.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,

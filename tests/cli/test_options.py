@@ -47,6 +47,10 @@ def test_help_shows_an_example(name: str) -> None:
         assert re.search(rf"`physim-drake .*{shown.name}( |`)", shown.help), shown.name
 
 
+def test_help_of_the_program_shows_an_example() -> None:
+    assert "`physim-drake estimate " in (typer.main.get_command(app).help or "")
+
+
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_help_of_an_option_is_a_sentence(name: str) -> None:
     command = COMMANDS[name]
