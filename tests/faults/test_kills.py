@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.kill_cases import Case, estimate_case
+from benchmarks.kill_cases import Case, estimate_case, few_models, train_case
 from benchmarks.kills import Tally, cut_off
 from physim_drake.models import APC11
 from tests.cli.estimating import two_images
@@ -40,3 +40,10 @@ def test_generated_scenes_survive_kills_on_one_worker_or_two(tmp_path: Path) -> 
     tally = Tally()
     cut_off(case, tmp_path / "runs", 3, np.random.default_rng(2), tally)
     check(tally, 3)
+
+
+def test_a_training_survives_a_kill(tmp_path: Path) -> None:
+    case = train_case(few_models(tmp_path / "models", 2))
+    tally = Tally()
+    cut_off(case, tmp_path / "runs", 1, np.random.default_rng(3), tally)
+    check(tally, 1)
