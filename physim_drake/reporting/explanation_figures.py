@@ -89,6 +89,7 @@ def pose_map(explanation: Explanation, k: int) -> Markup:
         middle = kept[:, :2].mean(axis=0)
         axes.update_datalim([middle - _LEAST_MAP / 2, middle + _LEAST_MAP / 2])
         axes.set_aspect("equal", adjustable="datalim")
+        axes.locator_params(axis="x", nbins=5)
         axes.set_xlabel("x, cm")
         axes.set_ylabel("y, cm")
         axes.grid(**_GRID)
