@@ -78,6 +78,7 @@ def on_page_markdown(
     uri = page.file.src_uri
 
     def mended(match: re.Match[str]) -> str:
+        """The link, to where the file stands on the site."""
         start, link, anchor, end = match.groups()
         path = _path(_origin(uri), link)
         if path in _PAGES:

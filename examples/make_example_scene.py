@@ -115,6 +115,7 @@ def render(
     def add(
         shape: Any, X: RigidTransform, name: str, color: Rgba | None = None
     ) -> None:
+        """Adds a shape at X_WG to what is drawn."""
         instance = GeometryInstance(X, shape, name)
         properties = PerceptionProperties()
         if color is not None:

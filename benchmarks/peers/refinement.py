@@ -85,6 +85,7 @@ def _small_gicp(kind: str) -> Refiner:
         )
 
     def refine(prepared: Any, case: Case, X_SO: Array) -> Array:
+        """The refined X_SO (4, 4)."""
         target, tree = prepared
         source, _ = _prepared(case.segment.points)
         result = small_gicp.align(
@@ -116,6 +117,7 @@ def _open3d(*, robust: bool) -> Refiner:
         return made
 
     def refine(prepared: Any, case: Case, X_SO: Array) -> Array:
+        """The refined X_SO (4, 4)."""
         kernel = (r.TukeyLoss(0.005),) if robust else ()
         result = r.registration_icp(
             cloud(case.segment.points, case.segment.normals),

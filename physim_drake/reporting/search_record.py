@@ -122,6 +122,7 @@ class _WatchedSearch(GroupSearch):
     selections: tuple[Selection, ...] = ()
 
     def score(self, paths: Sequence[Path]) -> list[int]:
+        """Scores complete paths as the search does, and notes them."""
         scores = super().score(paths)
         self.selections += tuple(
             Selection(path, score, self.expansions)

@@ -25,21 +25,9 @@ from tests.cli.estimating import (
     SCENE,
     Run,
     edit,
-    estimate_command,
     quick,
-    two_images,
 )
 from tests.datasets.tiny import write_tiny
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> Run:
-    return estimate_command(monkeypatch)
-
-
-@pytest.fixture
-def dataset(tmp_path: Path) -> Path:
-    return two_images(tmp_path / "two")
 
 
 def test_estimates_the_example(

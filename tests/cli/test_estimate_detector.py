@@ -24,21 +24,9 @@ from tests.cli.estimating import (
     SCENE,
     Run,
     edit,
-    estimate_command,
     quick,
-    two_images,
 )
 from tests.cli.test_detect import write_weights, write_weights_of
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> Run:
-    return estimate_command(monkeypatch)
-
-
-@pytest.fixture
-def dataset(tmp_path: Path) -> Path:
-    return two_images(tmp_path / "two")
 
 
 def use_weights(monkeypatch: pytest.MonkeyPatch, detector: Path) -> None:

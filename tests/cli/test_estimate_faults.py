@@ -18,21 +18,9 @@ from tests.cli.estimating import (
     SCENE,
     Run,
     edit,
-    estimate_command,
     quick,
-    two_images,
     without_time,
 )
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> Run:
-    return estimate_command(monkeypatch)
-
-
-@pytest.fixture
-def dataset(tmp_path: Path) -> Path:
-    return two_images(tmp_path / "two")
 
 
 def test_resume_gives_what_an_uncut_run_gives(
