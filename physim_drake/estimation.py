@@ -129,7 +129,7 @@ class PoseEstimator(Closing):
         clock.lap("refinement")
         objects = tuple(
             self._object_estimate(
-                observation, scene, surface.X_WS, k, placed, confidences, search.shares
+                observation, scene, surface.X_WS, k, placed, confidences, search
             )
             for k in range(len(detections))
         )
@@ -267,21 +267,25 @@ class PoseEstimator(Closing):
         k: int,
         placed: Mapping[int, Array],
         confidences: Mapping[int, float],
-        shares: Mapping[int, float],
+        search: SceneSearch,
     ) -> ObjectEstimate:
         segment = scene.segments[k]
         name = self._library[segment.object_id].name
-        reason = self._why_not_found(segment, confidences.get(k))
+        reason = self._why_not_found(
+            segment, confidences.get(k), k in search.in_the_way
+        )
         if reason:
             return ObjectEstimate(segment.object_id, name, None, None, 0.0, reason)
         X_SO = placed[k].copy()
         X_SO[:3, :3] = nearest_rotation(X_SO[:3, :3])
         X_CO = scene.X_CS @ X_SO
         X_WO = X_WS @ X_SO if observation.X_WC is None else observation.X_WC @ X_CO
-        confidence = confidences[k] * shares.get(k, 1.0)
+        confidence = confidences[k] * search.shares.get(k, 1.0)
         return ObjectEstimate(segment.object_id, name, X_CO, X_WO, confidence, "")
 
-    def _why_not_found(self, segment: Segment, confidence: float | None) -> str:
+    def _why_not_found(
+        self, segment: Segment, confidence: float | None, in_the_way: bool
+    ) -> str:
         """Empty where it is found; `confidence` is None where it has no pose.
 
         What is not shared yet counts: an object that is there is found, though it may
@@ -289,6 +293,8 @@ class PoseEstimator(Closing):
         """
         if not segment.detection.seen:
             return "the detector did not see it"
+        if in_the_way:
+            return "no pose of it fits beside the other objects"
         if confidence is None:
             count, least = len(segment.points), self._config.min_segment_points
             if count < least:

@@ -55,8 +55,8 @@ class EstimationConfig:
         min_segment_points: an object with fewer points is reported as not found.
         tie: refined states whose fine costs differ by less than this share explain
             the image equally well; the one nearest to rest is taken.
-        promising: a state with an object turned over is refined where its fine cost
-            exceeds the best state's by less than this share.
+        promising: a state with an object in another pose is refined where its fine
+            cost exceeds the best state's by less than this share.
         rounds: a group is searched at most this often, with new hypotheses for
             objects that the image does not confirm; 1 is the paper's way.
         confirmed: the confidence from which on an object is.

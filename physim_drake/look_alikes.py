@@ -82,13 +82,13 @@ def _others(
     known = [X for k, X in best.items() if models[k].object_id == model.object_id]
     total = 0.0
     for state, weight in weighed:
-        if not any(_same(model, X_SO, state[index]) for X_SO in known):
+        if not any(same_pose(model, X_SO, state[index]) for X_SO in known):
             known.append(state[index])
             total += weight
     return total
 
 
-def _same(model: ObjectModel, X_SA: Array, X_SB: Array) -> bool:
+def same_pose(model: ObjectModel, X_SA: Array, X_SB: Array) -> bool:
     """Whether two poses of an object are one, but for its symmetry."""
     error = pose_error(X_SA, X_SB, model.symmetry)
     return error.within(SAME_ANGLE, SAME_DISTANCE)

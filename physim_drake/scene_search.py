@@ -65,6 +65,8 @@ class SceneSearch:
         trace: the anytime curve of each search of a group.
         shares: the share of its confidence that each object keeps, by its index in the
             scene: less than 1 where another pose explains the image about as well.
+        in_the_way: objects that were left out, because the image does not confirm them,
+            and confirms others more without them.
     """
 
     def __init__(
@@ -80,6 +82,10 @@ class SceneSearch:
         self._models = {k: library[i] for k, i in enumerate(scene.object_ids)}
         self.trace: list[SearchTrace] = []
         self.shares: dict[int, float] = {}
+        self.in_the_way: set[int] = set()
+        self._searched: dict[
+            tuple[int, ...], tuple[dict[int, Array], dict[int, float]]
+        ] = {}
 
     def run(self, found: Mapping[int, PoseHypotheses]) -> dict[int, Array]:
         """The best state of the scene.
@@ -88,25 +94,67 @@ class SceneSearch:
             found: hypotheses of the objects, by their index in the scene.
 
         Returns:
-            X_SO of each of these objects.
+            X_SO of each of these objects but those in the way of others.
         """
-        placed: dict[int, Array] = {}
-        scene = self._scene
-        groups = dependency_graph(scene.segments, scene.X_CS).components
-        for component in groups:
-            order = tuple(k for k in component if k in found)
-            if order:
-                hypotheses = {k: found[k].poses for k in order}
-                placed |= self._search_group(order, hypotheses)
-        if len(groups) > 1 and placed:
-            placed = self._pool.map("refine", [(placed,)])[0][0]
+        hypotheses = {k: h.poses for k, h in found.items()}
+        placed, self.shares = self._place(hypotheses)
+        confidence = self._confidences(placed)
+        suspects = self._suspects(confidence)
+        while suspects:
+            k = suspects.pop(0)
+            rest = {j: poses for j, poses in hypotheses.items() if j != k}
+            others, shares = self._place(rest)
+            confirmed = self._confidences(others)
+            if sum(confirmed.values()) > sum(confidence[j] for j in rest):
+                self.in_the_way.add(k)
+                hypotheses, placed, confidence = rest, others, confirmed
+                self.shares = shares
+                suspects = self._suspects(confidence)
         self._clock.lap("refinement")
         return placed
 
+    def _suspects(self, confidence: Mapping[int, float]) -> list[int]:
+        """Objects that may cost others their poses: the two least confirmed, if absent.
+
+        An object that is not there has to be put somewhere all the same, where it takes
+        points from others or pushes them away.
+        """
+        doubtful = [k for k, c in confidence.items() if c < self._config.confirmed]
+        if len(doubtful) < 2:
+            return []
+        least = sorted(doubtful, key=lambda k: confidence[k])[:2]
+        return [k for k in least if confidence[k] < self._config.required_confidence]
+
+    def _place(
+        self, hypotheses: Mapping[int, Array]
+    ) -> tuple[dict[int, Array], dict[int, float]]:
+        """The best state of these objects, and their shares of confidence.
+
+        A group that was searched before is not searched again.
+        """
+        placed: dict[int, Array] = {}
+        shares: dict[int, float] = {}
+        scene = self._scene
+        groups = dependency_graph(scene.segments, scene.X_CS).components
+        for component in groups:
+            order = tuple(k for k in component if k in hypotheses)
+            if order and order not in self._searched:
+                self._searched[order] = self._search_group(order, hypotheses)
+            if order:
+                placed |= self._searched[order][0]
+                shares |= self._searched[order][1]
+        if len(groups) > 1 and placed:
+            placed = self._pool.map("refine", [(placed,)])[0][0]
+        return placed, shares
+
+    def _confidences(self, placed: Placement) -> dict[int, float]:
+        """How well the image confirms each object of a state, 0..1."""
+        return dict(self._pool.map("confidences", [(placed,)])[0])
+
     def _search_group(
-        self, order: Sequence[int], hypotheses: dict[int, Array]
-    ) -> dict[int, Array]:
-        """The best refined state of one group.
+        self, order: Sequence[int], hypotheses: Mapping[int, Array]
+    ) -> tuple[dict[int, Array], dict[int, float]]:
+        """The best refined state of one group, and its shares of confidence.
 
         An object that the image does not confirm gets new hypotheses, from those of
         its points that better confirmed objects do not explain, and the group is
@@ -128,11 +176,12 @@ class SceneSearch:
             refined = self._pool.map("refine", [(state,) for state in states])
             self._clock.lap("refinement")
             tried += refined
-            state, cost = self._turned_over(*self._most_plausible(refined), tried)
+            state, cost = self._most_plausible(refined)
+            state, cost = self._other_ways(state, cost, hypotheses, tried)
             gained = cost < best_cost * (1 - self._config.tie)
             if cost < best_cost:
                 best, best_cost = state, cost
-            confidence = self._pool.map("confidences", [(best,)])[0]
+            confidence = self._confidences(best)
             doubtful = [k for k in order if confidence[k] < self._config.confirmed]
             lost = [k for k in doubtful if confidence[k] < self._config.trusted]
             worth_it = lost or (doubtful and gained)
@@ -140,10 +189,10 @@ class SceneSearch:
                 break
             order = sorted(order, key=lambda k: -confidence[k])
             hypotheses = self._renewed(order, doubtful, best, confidence, number + 1)
-        self.shares |= confidence_shares(
+        shares = confidence_shares(
             best, best_cost, tried, self._models, self._config.tie
         )
-        return best
+        return best, shares
 
     def _renewed(
         self,
@@ -180,26 +229,34 @@ class SceneSearch:
         unrest = self._pool.map("unrest", [(state,) for state, _ in tied])
         return tied[int(np.argmin(unrest))]
 
-    def _turned_over(
-        self, state: dict[int, Array], cost: float, tried: list[CostedState]
+    def _other_ways(
+        self,
+        state: dict[int, Array],
+        cost: float,
+        hypotheses: Mapping[int, Array],
+        tried: list[CostedState],
     ) -> CostedState:
-        """The state with objects turned over where that explains the image better.
+        """The state with objects in other poses where those are more plausible.
 
-        One at a time, as long as the fine cost falls by more than a tie's share. What
-        is refined for it is added to `tried`.
+        One at a time, each object is turned over and put at each of its hypotheses
+        among the others as they are: the search need not have tried the other ways in
+        which an object that hardly shows fits the image. What is refined for it is
+        added to `tried`.
         """
         while True:
-            found = self._pool.map("turned", [(state, k) for k in state])
+            ways = self._pool.map(
+                "other_ways", [(state, k, hypotheses[k]) for k in state]
+            )
             promising = [
-                turned
-                for turned, turned_cost in itertools.chain.from_iterable(found)
-                if turned_cost < cost * (1 + self._config.promising)
+                way
+                for way, way_cost in itertools.chain.from_iterable(ways)
+                if way_cost < cost * (1 + self._config.promising)
             ]
-            refined = self._pool.map("refine", [(turned,) for turned in promising])
+            refined = self._pool.map("refine", [(way,) for way in promising])
             tried += refined
             least = min(refined, key=lambda r: r[1], default=(state, cost))
             if least[1] >= cost * (1 - self._config.tie):
-                return state, cost
+                return self._most_plausible([(state, cost), *refined])
             state, cost = least
 
     def _run_search(

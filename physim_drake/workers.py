@@ -22,6 +22,7 @@ from physim_drake.hypotheses.generation import (
     PoseHypotheses,
     generate_hypotheses,
 )
+from physim_drake.look_alikes import same_pose
 from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array
 from physim_drake.processes import SupervisedPool, SupervisionConfig
@@ -96,13 +97,33 @@ class Worker:
         refined = refiner.refine(placed)
         return refined, refiner.fine_cost(refined)
 
-    def turned(self, placed: Placement, index: int) -> list[tuple[Placement, float]]:
-        """The states with one object turned over, and their fine costs in pixels."""
-        refiner = self._refiner()
-        return [
+    def other_ways(
+        self, placed: Placement, index: int, poses: Array
+    ) -> list[tuple[Placement, float]]:
+        """The states with one object in another pose, and their fine costs in pixels.
+
+        Args:
+            placed: the state.
+            index: of the object.
+            poses: X_SO (N, 4, 4) to begin at, beside the object turned over.
+
+        Returns:
+            the states, the least cost first, none with a pose that an earlier one or
+            `placed` has.
+        """
+        refiner, model = self._refiner(), self.expander.models[index]
+        ways = [
             (state, refiner.fine_cost(state))
-            for state in self.expander.turned(placed, index)
+            for X_SO in self.expander.other_ways(placed, index, poses)
+            for state in [{**placed, index: X_SO}]
         ]
+        known = [placed[index]]
+        others: list[tuple[Placement, float]] = []
+        for state, cost in sorted(ways, key=lambda way: way[1]):
+            if not any(same_pose(model, state[index], X_SO) for X_SO in known):
+                known.append(state[index])
+                others.append((state, cost))
+        return others
 
     def unrest(self, placed: Placement) -> float:
         """How far a state is from resting, m."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import itertools
 import os
 import pickle
 import signal
@@ -17,8 +18,10 @@ import pytest
 from physim_drake.errors import InputError
 from physim_drake.hypotheses.generation import HypothesisConfig
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig
+from physim_drake.look_alikes import same_pose
 from physim_drake.objects import ObjectLibrary
 from physim_drake.observation import Detection
+from physim_drake.poses import make_pose
 from physim_drake.scene import Scene
 from physim_drake.search.expansion import Rollout
 from physim_drake.workers import Worker, WorkerConfig, WorkerPool
@@ -30,6 +33,7 @@ from tests.synthetic import (
     perturbed,
     stack,
     synthesize,
+    turned,
 )
 from tests.test_processes import alive
 
@@ -120,6 +124,23 @@ def test_refinement_is_the_same_in_any_worker(
     ):
         assert cost_a == cost_b
         assert all(a[k].tobytes() == b[k].tobytes() for k in a)
+
+
+def test_other_ways_differ_from_the_state_and_each_other_the_best_first(
+    local: WorkerPool,
+) -> None:
+    state = dict(enumerate(made().X_SO))
+    upright = state[1] @ make_pose(turned("x", 90))
+    starts = np.stack([perturbed(X, 0.002, 0.02, 0) for X in (state[1], upright)])
+    (ways,) = local.map("other_ways", [(state, 1, np.tile(starts, (2, 1, 1)))])
+    costs = [cost for _, cost in ways]
+    assert costs == sorted(costs)
+    model = small_library()[made().detections[1].object_id]
+    poses = [state[1], *(way[1] for way, _ in ways)]
+    for a, b in itertools.combinations(poses, 2):
+        assert not same_pose(model, a, b)
+    assert any(same_pose(model, pose, upright) for pose in poses)
+    assert all(way[0] is state[0] for way, _ in ways)
 
 
 @pytest.mark.parametrize("workers", ["local", "two"])

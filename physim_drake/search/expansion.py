@@ -118,21 +118,25 @@ class SceneExpander:
             return freed
         return self._supported(placed, index, freed, settled.X_SO)
 
-    def turned(self, placed: Placement, index: int) -> list[Placement]:
-        """The states in which one object is turned over, aligned to its points anew.
+    def other_ways(self, placed: Placement, index: int, poses: Array) -> Array:
+        """Other poses of one object among the others, aligned to its points anew.
 
-        A bottle on its cap looks much like one on its base: an object is turned by each
-        motion that maps it nearly onto itself.
+        Args:
+            placed: the state, with the object.
+            index: of the object.
+            poses: X_SO (N, 4, 4) to begin at. It is turned over, too, by each motion
+                that maps it nearly onto itself: a bottle on its cap looks much like
+                one on its base.
+
+        Returns:
+            X_SO (M, 4, 4), M >= N.
         """
-        turns = lookalike_turns(self.models[index])
-        if not len(turns):
-            return []
+        model = self.models[index]
+        starts = np.concatenate([placed[index] @ lookalike_turns(model), poses])
         others = {k: X for k, X in placed.items() if k != index}
         points, normals = self.resegment(others, index)
-        field = registration_model(self.models[index]).distance_field
-        starts = placed[index] @ turns
-        aligned, _ = trimmed_icp(field, starts, points, normals, self._config.icp)
-        return [{**placed, index: X_SO} for X_SO in aligned]
+        field = registration_model(model).distance_field
+        return trimmed_icp(field, starts, points, normals, self._config.icp)[0]
 
     def unrest(self, placed: Placement) -> float:
         """How far a state is from resting: the farthest that an object settles, m.
