@@ -236,12 +236,13 @@ class SceneSearch:
         hypotheses: Mapping[int, Array],
         tried: list[CostedState],
     ) -> CostedState:
-        """The state with objects in other poses where those are more plausible.
+        """The state with objects in other poses where those explain the image better.
 
         One at a time, each object is turned over and put at each of its hypotheses
         among the others as they are: the search need not have tried the other ways in
-        which an object that hardly shows fits the image. What is refined for it is
-        added to `tried`.
+        which an object that hardly shows fits the image. It stays as it was found where
+        the fine cost falls by less than a tie's share. What is refined for it is added
+        to `tried`.
         """
         while True:
             ways = self._pool.map(
@@ -256,7 +257,7 @@ class SceneSearch:
             tried += refined
             least = min(refined, key=lambda r: r[1], default=(state, cost))
             if least[1] >= cost * (1 - self._config.tie):
-                return self._most_plausible([(state, cost), *refined])
+                return state, cost
             state, cost = least
 
     def _run_search(
