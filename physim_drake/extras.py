@@ -30,7 +30,8 @@ EXTRAS: Mapping[str, Extra] = {
         "networks that detect objects",
     ),
     "viz": Extra(
-        ("jinja2", "matplotlib"), "the pages of report, explain and pick --record"
+        ("jinja2", "markupsafe", "matplotlib"),
+        "the pages of report, explain and pick --record",
     ),
 }
 """By name. What pip installs for them is in pyproject.toml."""

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import ast
+import itertools
 import json
 import os
 import shutil
@@ -13,13 +15,17 @@ import tarfile
 import tomllib
 import venv
 import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib.metadata import Distribution, packages_distributions, version
 from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
 
 from physim_drake import __version__
+from physim_drake.extras import EXTRAS
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("physim_drake", "models", "systems")
@@ -137,7 +143,8 @@ def environment(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Path:
     venv.create(folder, with_pip=False, symlinks=True)
     pip = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python"]
     offline = ["--quiet", "--no-deps", "--no-index", "--disable-pip-version-check"]
-    subprocess.run([*pip, "install", *offline, built.wheel], check=True)
+    install = [*pip, "install", *offline, built.wheel]
+    subprocess.run(install, check=True, env=clean_variables())
     (packages,) = (folder / "lib").glob("python*/site-packages")
     # A .pth file in a folder that another one names is not read, so that the
     # editable installation of the tests stays out of sight.
@@ -145,13 +152,17 @@ def environment(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def clean_variables() -> dict[str, str]:
+    """The environment variables, without a path to other packages."""
+    return {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+
+
 def run(environment: Path, *command: str, **variables: str) -> str:
     """What a program of the environment prints; it must succeed."""
-    known = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     done = subprocess.run(
         [environment / "bin" / command[0], *command[1:]],
         cwd=environment,
-        env=known | variables,
+        env=clean_variables() | variables,
         capture_output=True,
         text=True,
     )
@@ -215,3 +226,55 @@ def test_the_citation_is_of_this_version() -> None:
     assert citation["authors"] == project["authors"]
     (paper,) = citation["references"]
     assert paper["title"] in " ".join((ROOT / "README.md").read_text().split())
+
+
+def declared(project: Distribution, extras: Iterable[str] = ("",)) -> list[Requirement]:
+    """What the metadata of a distribution asks for, alone or with extras."""
+    asked = map(Requirement, project.requires or [])
+    return [
+        r
+        for r in asked
+        if r.marker is None or any(r.marker.evaluate({"extra": e}) for e in extras)
+    ]
+
+
+def test_the_dependencies_of_the_wheel_are_those_that_are_tested(
+    environment: Path,
+) -> None:
+    """So that what pip brings beside the wheel is what all other tests ran with."""
+    (info,) = environment.glob("lib/*/site-packages/physim_drake-*.dist-info")
+    asked = declared(Distribution.at(info), ("", *EXTRAS))
+    assert len(asked) > 15
+    for requirement in asked:
+        assert version(requirement.name) in requirement.specifier, requirement
+
+
+def test_whatever_the_packages_import_is_declared() -> None:
+    """An import of something that others bring breaks when they stop doing so."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    texts = [
+        *project["dependencies"],
+        *itertools.chain.from_iterable(
+            project["optional-dependencies"][e] for e in EXTRAS
+        ),
+    ]
+    names = {Requirement(text).name.lower() for text in texts}
+    brought = packages_distributions()
+    paths = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    for path in paths:
+        # pytest_plugin.py is imported by pytest alone.
+        known = {"physim_drake", "pytest"} | sys.stdlib_module_names
+        for module in imported(path) - known:
+            distributions = {name.lower() for name in brought.get(module, [])}
+            assert distributions & names, f"{path.name}: {module}"
+
+
+def imported(path: Path) -> set[str]:
+    """The first parts of the names of all modules that a file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            found.add(node.module.partition(".")[0])
+    return found
