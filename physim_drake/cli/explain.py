@@ -103,6 +103,7 @@ def explain(
 
     from physim_drake.batch import choose_images, detection_lookup
     from physim_drake.cli.estimate import default_workers
+    from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.errors import InputError
     from physim_drake.estimation import EstimationConfig
@@ -125,11 +126,19 @@ def explain(
     config = config.with_budget(expansions, hypotheses)
     make_folder(out)
     check_writable(out / "page.html")
-    console = messages(quiet)
-    with console.status("estimating, and watching how"):
+    with Steps(messages(quiet), "step", 4) as steps:
+        steps.begin(0, "making hypotheses")
         explanation = explain_image(
-            data, chosen, look_up, source, library, config, height, wanted
+            data,
+            chosen,
+            look_up,
+            source,
+            library,
+            config,
+            height,
+            wanted,
+            steps.advance,
         )
-    with console.status("drawing"):
+        steps.advance("drawing")
         path = write_explanation(explanation, out)
     typer.echo(path)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,6 +165,7 @@ def explain_image(
     config: EstimationConfig,
     surface_height: float | None = None,
     targets: Sequence[Target] | None = None,
+    told: Callable[[str], None] = lambda _: None,
 ) -> Explanation:
     """Estimates one image and keeps what each stage gave.
 
@@ -177,6 +178,7 @@ def explain_image(
         config: of the estimate; the method must be `physim-mcts`.
         surface_height: z of the support surface in the world, m; found if None.
         targets: what to look for; the dataset's own if None.
+        told: hears, whenever a step is done, the name of the next one.
 
     Raises:
         InputError: where the image cannot be used.
@@ -195,9 +197,11 @@ def explain_image(
             observation, detections, surface_height
         )
         taken = time.monotonic() - start
+        told("estimating")
         estimate = estimator.estimate(
             observation, detections, surface_height, hypotheses
         )
+    told("watching the search")
     graph = dependency_graph(scene.segments, scene.X_CS)
     usable = {
         k: h

@@ -32,14 +32,21 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
 
 
 def test_writes_a_page_and_tells_where(
-    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Run,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("physim_drake.cli.progress.LINE_EVERY", 0.0)
     out = tmp_path / "new" / "folder"
     budget = ("--expansions", "6", "--hypotheses", "6", "--workers", "1")
     given = ("--image", "1/0", "--models", APC11, "--masks", "--surface", "0")
     assert run(SCENE, "--out", out, *given, *budget) == 0
     path = out / "000001_000000.html"
-    assert capsys.readouterr().out == f"{path}\n"
+    told = capsys.readouterr()
+    assert told.out == f"{path}\n"
+    steps = ("1 of 4 steps, estimating", "watching the search", "3 of 4 steps, drawing")
+    assert all(step in told.err for step in steps)
     page = path.read_text()
     assert "6 expansions a group" in page
     assert "It is given by its height" in page
