@@ -18,6 +18,7 @@ import threading
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
@@ -219,6 +220,9 @@ def _interrupts_held() -> Iterator[None]:
 
     It reaches every process of a terminal; this one alone acts on it.
     """
+    # Python's tracker of shared resources would be started with the first process, and
+    # lift the block again.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -8,6 +8,7 @@ order of its arguments, so that what is computed does not depend on how many the
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -31,6 +32,10 @@ from physim_drake.scene import Scene
 from physim_drake.search.expansion import Rollout, RolloutResult, SceneExpander
 from physim_drake.search.refinement import JointRefiner, RefinementConfig
 from physim_drake.search.states import ExpansionConfig, Placement
+
+# Drake's diagrams refer to themselves, so that only the collector frees them. It counts
+# objects, not bytes: left to itself, it lets hundreds of megabytes of them gather.
+_COLLECT_EVERY = 10  # scenes
 
 
 @dataclass(frozen=True)
@@ -58,9 +63,14 @@ class Worker:
         self._library, self._config = library, config
         self._expander: SceneExpander | None = None
         self._joint_refiner: JointRefiner | None = None
+        self._scenes = 0
 
     def set_scene(self, scene: Scene) -> None:
         """Makes `scene` the one that the other calls are about."""
+        self._expander = self._joint_refiner = None
+        self._scenes += 1
+        if self._scenes % _COLLECT_EVERY == 0:
+            gc.collect()
         renderer = DepthRasterizer(self._library, scene.intrinsics)
         self._expander = SceneExpander(
             scene, self._library, renderer, self._config.expansion

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -252,6 +253,24 @@ def test_no_process_outlives_its_parent(how: int, method: str) -> None:
         time.sleep(0.01)
     assert not any(alive(pid) for pid in pids)
     parent.stdout.close()
+
+
+def test_the_terminal_s_ctrl_c_does_not_reach_the_processes() -> None:
+    parent = subprocess.Popen(
+        [sys.executable, "-c", SLEEPERS.format("sleep")],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert parent.stdout is not None
+    pids = [int(word) for word in parent.stdout.readline().split()]
+    statuses = [Path(f"/proc/{pid}/status").read_text() for pid in pids]
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    assert len(statuses) == 2
+    for status in statuses:
+        (blocked,) = re.findall(r"^SigBlk:\s*(\w+)$", status, re.MULTILINE)
+        assert int(blocked, 16) & 1 << signal.SIGINT - 1
 
 
 def alive(pid: int) -> bool:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import pickle
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.multibody.plant import MultibodyPlant
 
 from physim_drake.errors import InputError
 from physim_drake.hypotheses.generation import HypothesisConfig
@@ -205,6 +207,25 @@ def test_a_call_gives_the_same_in_a_fresh_worker_as_in_a_used_one() -> None:
         c = fresh.rollout(*call)
         assert a.score == b.score == c.score
         assert a.poses[0].tobytes() == b.poses[0].tobytes() == c.poses[0].tobytes()
+
+
+def test_what_a_scene_needed_does_not_gather() -> None:
+    """A plant refers to itself; the collector, which is off here, alone frees it."""
+    before = count(MultibodyPlant)
+    gc.disable()
+    try:
+        worker = Worker(small_library(), CONFIG)
+        for _ in range(25):
+            worker.set_scene(made().scene())
+            worker.rollout(*rollouts(1)[0])
+        assert count(MultibodyPlant) - before < 2 * 10
+    finally:
+        gc.enable()
+
+
+def count(kind: type) -> int:
+    """How many objects of a kind there are."""
+    return sum(isinstance(item, kind) for item in gc.get_objects())
 
 
 def test_close_ends_the_processes() -> None:

@@ -33,6 +33,7 @@ KEPT: Mapping[str, str] = {
 }
 """What is left of a command that was interrupted."""
 
+_PAUSE = 0.02  # s
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHOW_CURSOR = "\x1b[?25h"  # a bar may have hidden it
 
@@ -61,6 +62,7 @@ class Interrupts:
         self.number: int | None = None
         self._kept = KEPT.get(command, "run it again")
         self._before: dict[int, Any] = {}
+        self._lost = False
         _said.clear()
 
     def say(self) -> None:
@@ -87,6 +89,7 @@ class Interrupts:
     def __enter__(self) -> Interrupts:
         if threading.current_thread() is not threading.main_thread():
             return self  # Python gives signals to the main thread only
+        self._main = threading.get_ident()
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._writer, False)
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
@@ -95,6 +98,7 @@ class Interrupts:
             if before is not signal.SIG_IGN:  # as in the background of a shell
                 self._before[number] = before
                 signal.signal(number, self._stop)
+        self._unraisable, sys.unraisablehook = sys.unraisablehook, self._raise_later
         threading.Thread(target=self._watch, daemon=True).start()
         return self
 
@@ -109,6 +113,7 @@ class Interrupts:
         for number, before in self._before.items():
             signal.signal(number, before)
         signal.set_wakeup_fd(self._wakeup)
+        sys.unraisablehook = self._unraisable
         os.close(self._writer)  # which ends the thread
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:
@@ -116,6 +121,16 @@ class Interrupts:
         if self.number is None:
             self.number = number
             raise KeyboardInterrupt
+
+    def _raise_later(self, error: sys.UnraisableHookArgs) -> None:
+        """Hears of errors that nothing can catch, such as those of a weak reference.
+
+        An interrupt that is lost so is raised again where the program then is.
+        """
+        if self.number is not None and error.exc_type is KeyboardInterrupt:
+            self._lost = True
+        else:
+            self._unraisable(error)
 
     def _watch(self) -> None:
         """Ends the program by force; the handler cannot, in a long computation."""
@@ -126,7 +141,12 @@ class Interrupts:
                 os.close(self._reader)
                 return
             number = received[0]
-        time.sleep(PATIENCE)
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            time.sleep(_PAUSE)
+            if self._lost:
+                self._lost, self.number = False, None
+                signal.pthread_kill(self._main, number)
         self.number = number
         with suppress(Exception):
             self.say()

@@ -20,7 +20,7 @@ PROMISED = 2.0  # s; the ways take 60
 TRIES = 5  # on a computer with much else to do it may take longer now and then
 
 PROGRAM = """
-import ctypes, signal, sys, threading, time
+import ctypes, signal, sys, threading, time, weakref
 signal.signal(signal.SIGINT, signal.default_int_handler)
 import physim_drake.cli as cli
 from physim_drake.cli.interrupts import say_interrupted
@@ -58,6 +58,18 @@ def fails_at_an_import():
         time.sleep(60)
     except KeyboardInterrupt:
         raise ImportError("in the midst of numpy")
+
+def is_where_errors_are_ignored():
+    class Thing:
+        pass
+
+    thing = Thing()
+    reference = weakref.ref(thing, lambda _: time.sleep(0.5))
+    del thing
+    try:
+        time.sleep(60)
+    finally:
+        print("cleaned up", flush=True)
 
 def begins(way=globals()[sys.argv.pop()]):
     print("ready", flush=True)
@@ -134,6 +146,15 @@ def test_what_a_command_says_itself_is_said_once() -> None:
     errors, _ = stop(process, lambda: process.send_signal(signal.SIGINT))
     assert process.returncode == 130
     assert errors == "interrupted: 3 images are kept\n"
+
+
+def test_an_interrupt_that_is_lost_in_a_callback_comes_again() -> None:
+    process = start("is_where_errors_are_ignored")
+    process.send_signal(signal.SIGINT)
+    out, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert errors == f"interrupted: {KEPT['generate']}\n"
+    assert out == "cleaned up\n"
 
 
 def test_every_long_command_says_what_is_kept() -> None:
