@@ -108,10 +108,11 @@ def rendering() -> Check:
     from physim_drake.rendering.appearance import Appearance
     from physim_drake.rendering.scene import SceneRenderer
     from physim_drake.scenes.containers import ContainerName, load_container
+    from physim_drake.scratch import ScratchFolder
 
     start = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        visual = _write_red_box(Path(folder))
+    with ScratchFolder() as folder:
+        visual = _write_red_box(folder.path)
         table = load_container(ContainerName.TABLE)
         renderer = SceneRenderer([visual], table, Appearance.plain())
     X_WC = make_pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, _HEIGHT]))

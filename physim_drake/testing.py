@@ -9,10 +9,8 @@ assert_poses_close(estimate, truth, library, max_rotation_deg=3.0)
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +24,7 @@ from physim_drake.observation import Detection, RgbdObservation
 from physim_drake.poses import Array
 from physim_drake.scenes.generation import write_models
 from physim_drake.scenes.recording import DatasetConfig, record_scene
+from physim_drake.scratch import ScratchFolder
 
 
 @dataclass(frozen=True)
@@ -71,8 +70,8 @@ def observed_scene(
         max_objects=objects[1],
         view=replace(base.view, noise=noise),
     )
-    with tempfile.TemporaryDirectory() as folder:
-        files = write_models(library, Path(folder))
+    with ScratchFolder() as folder:
+        files = write_models(library, folder.path)
         record = record_scene(library, config, 1, files)
     view = record.views[0]
     truth = tuple(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -45,6 +44,7 @@ from physim_drake.picking.start import PlacedModel, check_objects, draw_start
 from physim_drake.poses import Array, inverse
 from physim_drake.scenes.dataset import SPLIT
 from physim_drake.scenes.generation import write_models
+from physim_drake.scratch import ScratchFolder
 from physim_drake.systems.camera_source import LabelImage
 from physim_drake.systems.detector import DetectionAlgorithm
 from physim_drake.systems.looking_cell import LookingCell
@@ -104,8 +104,8 @@ class Explorer(Closing):
         check_objects(self._scenario, self.library)
         self._geometry = cell_geometry(self._scenario, self.library)
         check_cell(self._scenario, self._geometry)
-        self._folder = tempfile.TemporaryDirectory()
-        self._files = write_models(self.library, Path(self._folder.name))
+        self._folder = ScratchFolder()
+        self._files = write_models(self.library, self._folder.path)
         self.cell = LookingCell(
             self._scenario, self.library, self._files, conditions, config.seed
         )
@@ -169,7 +169,7 @@ class Explorer(Closing):
     def close(self) -> None:
         """Ends worker processes and removes temporary files."""
         self._estimator.close()
-        self._folder.cleanup()
+        self._folder.close()
 
     def _begin(
         self, number: int

@@ -117,7 +117,7 @@ class Trainer:
         self._state = TrainingState(self.network, self.average, self._optimizer)
         if state_path.exists():
             self.step, self._recent = self._state.load(state_path, log.settings)
-            log.cut(self.step)
+        log.cut(self.step)  # it is written before the state
 
     def run(self, save: Save, test: Test, report: Report) -> None:
         """Trains to the last step.

@@ -7,7 +7,6 @@ like, come from an `Appearance`.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +42,7 @@ from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.appearance import Appearance, Light
 from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
 from physim_drake.scenes.containers import Container
+from physim_drake.scratch import ScratchFolder
 
 _ENGINE, _PROJECTOR_ENGINE = "vtk", "projector"
 _CONTAINER_LABEL = 0
@@ -215,9 +215,9 @@ class SceneRenderer:
 
     def _add_props(self, props: Sequence[Prop]) -> None:
         """Adds what moves with the container and has its label."""
-        with tempfile.TemporaryDirectory() as folder:
+        with ScratchFolder() as folder:
             for n, prop in enumerate(props):
-                path = Path(folder) / f"{n}.png"
+                path = folder.path / f"{n}.png"
                 _write_png(path, prop.texture)
                 self._add(
                     self._frames[0],

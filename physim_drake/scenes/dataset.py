@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
@@ -37,6 +36,7 @@ from physim_drake.scenes.recording import (
     DatasetConfig,
     write_scene,
 )
+from physim_drake.scratch import ScratchFolder
 
 SPLIT = "test"
 STATE_FILE = "generation.json"
@@ -211,8 +211,8 @@ class SceneSender:
     """
 
     def __init__(self, library: ObjectLibrary, config: DatasetConfig) -> None:
-        self._folder = tempfile.TemporaryDirectory()
-        root = Path(self._folder.name)
+        self._folder = ScratchFolder()
+        root = self._folder.path
         files = _write_models(root, library)
         self._split = root / SPLIT
         self._split.mkdir()

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from physim_drake.scenes.containers import (
 )
 from physim_drake.scenes.placement import NotPlacedError, Placer
 from physim_drake.scenes.plant import NotAtRestError, RestingScene, ScenePlant
+from physim_drake.scratch import ScratchFolder
 
 _PLACEMENTS = 4  # a set of objects is tried this often before others are drawn
 _TABLE_OBJECTS = 11  # fit side by side into the usual area
@@ -123,9 +123,9 @@ def generate_scene(
     """
     check_scene_config(library, config)
     if model_files is None:
-        with tempfile.TemporaryDirectory() as folder:
+        with ScratchFolder() as folder:
             return generate_scene(
-                library, config, seed, write_models(library, Path(folder))
+                library, config, seed, write_models(library, folder.path)
             )
     rng = np.random.default_rng(seed)
     reasons: Counter[str] = Counter()

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from physim_drake.detection.augmentation import AugmentationConfig, Augmenter
-from physim_drake.detection.checkpoints import AveragedWeights
+from physim_drake.detection.checkpoints import AveragedWeights, TrainingState
 from physim_drake.detection.networks import make_network
 from physim_drake.detection.training import Trainer, TrainingConfig
 from physim_drake.detection.training_images import LabelledImage, TrainingImages
@@ -111,12 +111,29 @@ def test_a_run_cut_off_ends_with_the_same_weights(
         )
     for name, value in unbroken.saved[-1].items():
         torch.testing.assert_close(second.saved[-1][name], value, rtol=0, atol=0)
-    told = [
-        [{k: v for k, v in e.items() if k != "seconds"} for e in run.log.losses]
-        for run in (unbroken, second)
-    ]
-    assert told[0] == told[1]
-    assert [e["step"] for e in told[0]] == [2, 4, 6, 8]
+    assert told(second) == told(unbroken)
+    assert [e["step"] for e in told(second)] == [2, 4, 6, 8]
+
+
+def told(run: Run) -> list[dict[str, float]]:
+    """The losses in its log, without times."""
+    return [{k: v for k, v in e.items() if k != "seconds"} for e in run.log.losses]
+
+
+def test_a_run_cut_off_between_its_log_and_its_first_state_begins_anew(
+    unbroken: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cut_off(*arguments: object) -> None:
+        raise CutOff
+
+    folder = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        patch.setattr(TrainingState, "save", cut_off)
+        with pytest.raises(CutOff):
+            Run(folder)()
+    second = Run(folder)
+    second()
+    assert told(second) == told(unbroken)
 
 
 def test_a_finished_run_has_nothing_to_do(tmp_path: Path):
