@@ -227,7 +227,8 @@ class SceneSearch:
         if len(tied) == 1:
             return tied[0]
         unrest = self._pool.map("unrest", [(state,) for state, _ in tied])
-        return tied[int(np.argmin(unrest))]
+        beyond = np.maximum(unrest, self._config.rest)
+        return min(zip(beyond, tied, strict=True), key=lambda r: (r[0], r[1][1]))[1]
 
     def _other_ways(
         self,
