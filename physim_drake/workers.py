@@ -34,7 +34,7 @@ from physim_drake.search.refinement import JointRefiner, RefinementConfig
 from physim_drake.search.states import ExpansionConfig, Placement
 
 # Drake's diagrams refer to themselves, so that only the collector frees them. It counts
-# objects, not bytes: left to itself, it lets hundreds of megabytes of them gather.
+# objects, not bytes: left to itself, it lets tens of megabytes of them gather.
 _COLLECT_EVERY = 10  # scenes
 
 
