@@ -225,7 +225,7 @@ def test_what_a_scene_needed_does_not_gather() -> None:
 
 def count(kind: type) -> int:
     """How many objects of a kind there are."""
-    return sum(isinstance(item, kind) for item in gc.get_objects())
+    return sum(type(item) is kind for item in gc.get_objects())
 
 
 def test_close_ends_the_processes() -> None:
