@@ -103,8 +103,7 @@ PROBES = (
 
 def check_installation() -> Iterator[Check]:
     """Runs every check, and gives each as soon as those before it are done."""
-    quick: Sequence[Callable[[], Check]] = (_python, _cores, _memory, _disk)
-    for check in quick:
+    for check in _QUICK:
         yield check()
     with ThreadPoolExecutor(max_workers=min(4, max(1, core_count()))) as pool:
         yield from pool.map(run_probe, PROBES)
@@ -233,3 +232,8 @@ def _disk() -> Check:
         remedy = "free some space, or set TMPDIR to a folder with more"
         return Check("disk", Status.WARNING, found, remedy)
     return Check("disk", Status.OK, found)
+
+
+_QUICK: Sequence[Callable[[], Check]] = (_python, _cores, _memory, _disk)
+CHECKS = len(_QUICK) + len(PROBES)
+"""How many checks there are."""

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 
 if TYPE_CHECKING:
     from physim_drake.installation import Check
@@ -30,13 +32,18 @@ def doctor(
 
     Example: `physim-drake doctor --json`
     """
-    from physim_drake.installation import Status, check_installation
+    from physim_drake.cli.progress import Steps
+    from physim_drake.installation import CHECKS, Status, check_installation
 
+    # Elsewhere than on a terminal, the lines themselves tell how far it is.
+    quiet = as_json or not sys.stdout.isatty()
     checks = []
-    for check in check_installation():
-        checks.append(check)
-        if not as_json:
-            _tell(check)
+    with Steps(Console(stderr=True, quiet=quiet), "check", CHECKS) as steps:
+        for check in check_installation():
+            checks.append(check)
+            if not as_json:
+                _tell(check)
+            steps.advance()
     failed = [check for check in checks if check.status is Status.FAIL]
     if as_json:
         report = {"ok": not failed, "checks": [check.as_dict() for check in checks]}
