@@ -167,6 +167,9 @@ def test_a_message_to_a_process_that_has_stopped_does_not_hang() -> None:
         os.kill(stopped, signal.SIGSTOP)
         long = bytes(10_000_000)  # more than a pipe holds
         assert pool.map("length", [(long,)]) == [len(long)]
+        deadline = time.monotonic() + 5
+        while alive(stopped) and time.monotonic() < deadline:
+            time.sleep(0.01)
         assert not alive(stopped)
 
 
