@@ -28,14 +28,10 @@ lint: setup  ## Check style.
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 
-# Type checkers do not see the package mapping of an editable install, so they get a
-# tree of links in which models/ and systems/ stand where they are imported from.
 .PHONY: typecheck
 typecheck: setup  ## Check types, of the examples, too.
-	@mkdir -p build/typecheck && rm -rf build/typecheck/physim_drake && mkdir build/typecheck/physim_drake
-	@ln -s $(CURDIR)/physim_drake/* $(CURDIR)/systems $(CURDIR)/models build/typecheck/physim_drake/
-	@cd build/typecheck && MYPYPATH=. $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml -p physim_drake
-	@cd build/typecheck && MYPYPATH=. $(CURDIR)/$(BIN)/mypy --config-file $(CURDIR)/pyproject.toml $(CURDIR)/examples
+	@$(BIN)/mypy physim_drake examples
+	@$(BIN)/pyright
 
 .PHONY: peers
 peers: setup  ## Install what benchmarks/peers compares with, into build/peers.

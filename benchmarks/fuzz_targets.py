@@ -20,12 +20,13 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from physim_drake.datasets import bop, detections, images, json_nodes, results, rle
+from physim_drake.datasets import bop, detections, images, results, rle
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.errors import PhysimError
+from physim_drake.storage import json_nodes
 
 if TYPE_CHECKING:
-    from physim_drake.detection.checkpoints import TrainingState
+    from physim_drake.detection.training.checkpoints import TrainingState
 
 WIDTH, HEIGHT = 12, 8
 TURN = [0, -1, 0, 1, 0, 0, 0, 0, 1]
@@ -187,10 +188,10 @@ def png_target(folder: Path) -> Target:
 
 def mesh_target(folder: Path) -> Target:
     """Meshes with their materials and textures, and the lists of objects."""
-    from physim_drake.library_files import find_objects
-    from physim_drake.mesh_assets import find_texture
-    from physim_drake.meshes import read_mesh
-    from physim_drake.objects import ObjectLibrary
+    from physim_drake.objects.library_files import find_objects
+    from physim_drake.objects.mesh_assets import find_texture
+    from physim_drake.objects.meshes import read_mesh
+    from physim_drake.objects.model import ObjectLibrary
 
     _write_meshes(folder)
     _write_lists(folder)
@@ -277,7 +278,8 @@ def yaml_target(folder: Path) -> Target:
 
 def weights_target(folder: Path) -> Target:
     """Weights of a network, the state and the log of a training run."""
-    from physim_drake.detection import training_log, weights
+    from physim_drake.detection.networks import weights
+    from physim_drake.detection.training import training_log
 
     state = _write_training(folder)
 
@@ -299,10 +301,14 @@ def _write_training(folder: Path) -> TrainingState:
     """Writes weights, a state and a log; returns what the state can be loaded into."""
     import torch
 
-    from physim_drake.detection import training_log, weights
-    from physim_drake.detection.checkpoints import AveragedWeights, TrainingState
-    from physim_drake.detection.config import NetworkConfig
-    from physim_drake.detection.networks import ObjectClass, make_network
+    from physim_drake.detection.networks import weights
+    from physim_drake.detection.networks.config import NetworkConfig
+    from physim_drake.detection.networks.factory import ObjectClass, make_network
+    from physim_drake.detection.training import training_log
+    from physim_drake.detection.training.checkpoints import (
+        AveragedWeights,
+        TrainingState,
+    )
 
     config = NetworkConfig(
         image_size=32,

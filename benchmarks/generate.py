@@ -22,7 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.rendering import scene as rendering
 from physim_drake.scenes import generation, placement, plant, recording, views
 

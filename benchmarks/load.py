@@ -28,8 +28,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from physim_drake.library_files import find_objects
 from physim_drake.models import APC11
+from physim_drake.objects.library_files import find_objects
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "data" / "tabletop"
 WARM_IMAGES = 20

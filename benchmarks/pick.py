@@ -15,9 +15,9 @@ import os
 import sys
 from pathlib import Path
 
-from physim_drake.picking.episode import EpisodeResult, figures
+from physim_drake.episodes.result import EpisodeResult, figures
+from physim_drake.episodes.runner import EpisodeRunner
 from physim_drake.picking.scenario import load_scenario
-from physim_drake.systems.episodes import EpisodeRunner
 
 CLUTTER = Path(__file__).parents[1] / "examples" / "scenarios" / "clutter.yaml"
 

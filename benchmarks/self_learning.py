@@ -23,39 +23,42 @@ from pathlib import Path
 from typing import Any
 
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.detection.choosing import ChoiceConfig
+from physim_drake.detection.accuracy import judge_detector
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.devices import (
+from physim_drake.detection.networks.devices import (
     DeviceName,
     choose_device,
     has_fast_bfloat16,
 )
-from physim_drake.detection.judging import judge_detector
-from physim_drake.detection.train_detector import (
+from physim_drake.detection.networks.weights import load_weights
+from physim_drake.detection.training.detector_training import (
     WEIGHTS_FILE,
     DetectorTraining,
     TrainDetectorConfig,
 )
-from physim_drake.detection.training import TrainingConfig
-from physim_drake.detection.training_scenes import SceneSetConfig, generate_scene_set
-from physim_drake.detection.weights import load_weights
-from physim_drake.models import APC11, DETECTOR
-from physim_drake.objects import ObjectLibrary
-from physim_drake.picking.looking import LookingConditions
-from physim_drake.picking.scenario import ObjectsConfig, PickScenario
-from physim_drake.systems.detector import (
-    DetectionAlgorithm,
-    OracleDetector,
-    TrainedDetector,
+from physim_drake.detection.training.scene_sets import (
+    SceneSetConfig,
+    generate_scene_set,
 )
-from physim_drake.systems.exploration import (
+from physim_drake.detection.training.trainer import TrainingConfig
+from physim_drake.models import APC11, DETECTOR
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.detection_selection import ChoiceConfig
+from physim_drake.picking.look_postures import LookingConditions
+from physim_drake.picking.scenario import ObjectsConfig, PickScenario
+from physim_drake.self_learning.exploration import (
     LEARNING_FILE,
     ExplorationConfig,
     Explorer,
     explore_scenes,
     write_judged_scenes,
 )
-from physim_drake.typed_yaml import load_typed_yaml
+from physim_drake.storage.typed_yaml import load_typed_yaml
+from physim_drake.systems.detector import (
+    DetectionAlgorithm,
+    OracleDetector,
+    TrainedDetector,
+)
 
 DIM = Path(__file__).parents[1] / "examples" / "lighting" / "dim.yaml"
 _OTHER_SCENES = 1_000_003  # added to the seed, for the test set

@@ -32,19 +32,19 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from physim_drake.batch import choose_images, detection_lookup, match_detections
+from physim_drake.batch.images import choose_images, detection_lookup, match_detections
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.estimate import SceneEstimate
-from physim_drake.estimation import EstimationConfig, PoseEstimator
+from physim_drake.estimation.estimator import EstimationConfig, PoseEstimator
+from physim_drake.estimation.workers import Worker, WorkerConfig
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection, RgbdObservation
-from physim_drake.scene import prepare_scene
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.observation.segmented_scene import prepare_scene
+from physim_drake.observation.support_surface import find_support_surface
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.search.dependency import dependency_graph
 from physim_drake.search.expansion import Rollout
-from physim_drake.surface import find_support_surface
 from physim_drake.testing import ObservedScene, compare_poses, observed_scene
-from physim_drake.workers import Worker, WorkerConfig
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "data" / "tabletop"
 _ROLLOUTS = 20

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from physim_drake.batch import detection_lookup
+from physim_drake.batch.images import detection_lookup
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.estimation import EstimationConfig
+from physim_drake.estimation.estimator import EstimationConfig
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import Explanation, explain_image
 from physim_drake.reporting.explanation_figures import (

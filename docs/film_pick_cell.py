@@ -25,12 +25,12 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraInfo
 
-from physim_drake.objects import ObjectLibrary
+from physim_drake.episodes.runner import EpisodeRunner
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.scenario import load_scenario
 from physim_drake.picking.viewpoints import look_at
 from physim_drake.poses import Array
 from physim_drake.rendering.overlay import draw_overlay
-from physim_drake.systems.episodes import EpisodeRunner
 from physim_drake.systems.pick_cell import PickCell
 
 SCENARIO = Path("examples/scenarios/clutter.yaml")

@@ -9,7 +9,6 @@ browsers draw without scripts.
 from __future__ import annotations
 
 import html
-import os
 import posixpath
 import re
 from pathlib import Path
@@ -20,9 +19,6 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = {"systems": "systems", "models": "models"}
-"""Folders at the top that are imported from within `physim_drake`."""
-
 _PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md"}
 _LANGUAGES = {".py": "python", ".yaml": "yaml", ".json": "json"}
 _LINK = re.compile(r"(\]\()([^)#\s:]+)(#[^)\s]*)?(\))")
@@ -37,20 +33,6 @@ _FORMULA = re.compile(
     r'<(?P<tag>span|div) class="arithmatex">\\[\[(](?P<tex>.*?)\\[\])]</(?P=tag)>',
     re.DOTALL,
 )
-
-
-def on_startup(command: str, dirty: bool) -> None:
-    """Makes a tree in which the modules stand where they are imported from."""
-    tree = ROOT / "build" / "api" / "physim_drake"
-    tree.mkdir(parents=True, exist_ok=True)
-    wanted = {p.name: p for p in (ROOT / "physim_drake").iterdir()}
-    wanted |= {name: ROOT / folder for name, folder in PACKAGES.items()}
-    for link in tree.iterdir():
-        if link.name not in wanted or link.readlink() != wanted[link.name]:
-            link.unlink()
-    for name, target in wanted.items():
-        if not (tree / name).is_symlink():
-            os.symlink(target, tree / name)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> None:

@@ -15,9 +15,9 @@ import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from physim_drake.picking.episode import EpisodeResult
+from physim_drake.episodes.result import EpisodeResult
+from physim_drake.episodes.runner import EpisodeRunner
 from physim_drake.picking.scenario import DetectorName, PickScenario, load_scenario
-from physim_drake.systems.episodes import EpisodeRunner
 
 HALF = 1.5707963
 

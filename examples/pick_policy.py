@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from physim_drake.estimate import SceneEstimate
+from physim_drake.episodes.runner import EpisodeRunner
 from physim_drake.objects import ObjectLibrary
 from physim_drake.picking.policy import (
     PickCandidate,
@@ -23,7 +23,7 @@ from physim_drake.picking.policy import (
 from physim_drake.picking.scenario import load_scenario
 from physim_drake.picking.surroundings import PlacedObject, placed_objects
 from physim_drake.poses import transform_points
-from physim_drake.systems.episodes import EpisodeRunner
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.pick_cell import PickCellParts
 
 SCENARIO = Path(__file__).parent / "scenarios" / "clutter.yaml"

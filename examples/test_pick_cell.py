@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from physim_drake.episodes.runner import EpisodeRunner
 from physim_drake.picking.scenario import load_scenario
 from physim_drake.picking.task_state import EventKind
-from physim_drake.systems.episodes import EpisodeRunner
 
 SCENARIO = Path(__file__).parent / "scenarios" / "single.yaml"
 

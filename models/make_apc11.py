@@ -18,8 +18,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from PIL import Image
 
-from physim_drake.drake_export import write_drake_model
-from physim_drake.library_files import LIBRARY_FILE
 from physim_drake.models import APC11
 from physim_drake.models.apc11_drawing import Atlas
 from physim_drake.models.apc11_objects import FRICTION, ObjectSpec, all_objects
@@ -30,7 +28,9 @@ from physim_drake.models.apc11_shapes import (
     convex_faces,
     corner_normals,
 )
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.library_files import LIBRARY_FILE
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.objects.sdformat import write_drake_model
 from physim_drake.poses import make_pose
 
 _MATERIAL = """\

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from physim_drake.estimation import EstimationConfig, PoseEstimator
+from physim_drake.estimation.estimator import EstimationConfig, PoseEstimator
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.testing import ObservedScene, observed_scene
 
 

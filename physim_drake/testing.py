@@ -17,14 +17,14 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physim_drake.datasets.bop import GroundTruthPose
-from physim_drake.estimate import SceneEstimate
-from physim_drake.evaluation.pose_errors import pose_error
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.scenes.generation import write_models
 from physim_drake.scenes.recording import DatasetConfig, record_scene
-from physim_drake.scratch import ScratchFolder
+from physim_drake.storage.scratch import ScratchFolder
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
-from physim_drake.detection.choosing import ChoiceConfig, choose_detections
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation.detection_selection import ChoiceConfig, choose_detections
+from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.scenes.views import jittered_boxes
 from physim_drake.systems.camera_source import LabelImage
 from physim_drake.systems.object_instances import ObjectInstance

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.observation import Detection, RgbdObservation
-from physim_drake.scene import Scene
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
 
 

@@ -23,12 +23,12 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.models import PACKAGE_XML
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import RgbdObservation
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import RgbdObservation
 from physim_drake.picking.cell import unusable_directives
-from physim_drake.picking.looking import LookingConditions
+from physim_drake.picking.initial_scene import PlacedModel
+from physim_drake.picking.look_postures import LookingConditions
 from physim_drake.picking.scenario import PickScenario
-from physim_drake.picking.start import PlacedModel
 from physim_drake.poses import Array
 from physim_drake.systems.camera_source import CameraSource, LabelImage
 from physim_drake.systems.object_instances import find_object_instances

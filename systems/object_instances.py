@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from physim_drake.errors import InputError
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from physim_drake.closing import Closing
 from physim_drake.errors import InputError
-from physim_drake.estimation import Method, PoseEstimator
-from physim_drake.objects import ObjectLibrary
+from physim_drake.estimation.estimator import Method, PoseEstimator
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.systems.camera_source import CameraSource
 from physim_drake.systems.detector import (
     DetectionAlgorithm,

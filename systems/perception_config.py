@@ -9,17 +9,17 @@ from pathlib import Path
 
 from pydrake.common.schema import Transform
 
-from physim_drake.detection.choosing import ChoiceConfig
 from physim_drake.errors import InputError
-from physim_drake.estimation import EstimationConfig, Method
+from physim_drake.estimation.estimator import EstimationConfig, Method
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.observation.detection_selection import ChoiceConfig
+from physim_drake.storage.typed_yaml import load_typed_yaml
 from physim_drake.systems.camera_source import CameraSourceConfig
 from physim_drake.systems.detector import OracleDetector, TrainedDetector
 from physim_drake.systems.object_instances import ObjectInstance
 from physim_drake.systems.pose_visualizer import PoseVisualizerConfig
-from physim_drake.typed_yaml import load_typed_yaml
 
 LIBRARIES = {"apc11": APC11}
 """The object libraries that come with the package, by name."""

@@ -31,18 +31,18 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from physim_drake.errors import InputError
-from physim_drake.estimation import Method, PoseEstimator
+from physim_drake.estimation.estimator import Method, PoseEstimator
 from physim_drake.models import PACKAGE_XML
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.cell import PickCellGeometry, unusable_directives
+from physim_drake.picking.initial_scene import PlacedModel
 from physim_drake.picking.planning_plant import find_frame
 from physim_drake.picking.policy import PickPolicy, TopOfPileFirst
 from physim_drake.picking.scenario import DetectorName, PickScenario
-from physim_drake.picking.start import PlacedModel
+from physim_drake.picking.table_detector import TableDetector
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.trajectories import rest_trajectory
-from physim_drake.picking.workspace import TableDetector
-from physim_drake.suction_contact import add_cup_geometry
+from physim_drake.suction.contact import add_cup_geometry
 from physim_drake.systems.detector import (
     DetectionAlgorithm,
     OracleDetector,

@@ -17,11 +17,11 @@ from pydrake.systems.framework import (
     State,
 )
 
-from physim_drake.estimate import SceneEstimate
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.task_state import TaskInputs, TaskState
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.stamped import Stamped, fits
 
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from physim_drake.estimate import SceneEstimate
 from physim_drake.evaluation.scene_errors import ObjectError, TruePose, object_errors
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.ground_truth import TruePoses
 from physim_drake.systems.object_instances import ObjectInstance
 from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from physim_drake.estimate import SceneEstimate
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.hypothesis_generator import SceneHypotheses
 from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
 

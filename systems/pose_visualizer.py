@@ -8,10 +8,10 @@ from typing import Any
 
 from pydrake.geometry import Meshcat
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import RgbdObservation
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import RgbdObservation
 from physim_drake.rendering.meshcat import draw_cloud, draw_estimate
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
 
 

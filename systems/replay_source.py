@@ -9,9 +9,9 @@ from typing import Any
 
 from pydrake.systems.framework import Context
 
-from physim_drake.batch import choose_images, detection_lookup, match_detections
+from physim_drake.batch.images import choose_images, detection_lookup, match_detections
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.systems.source import Source
 from physim_drake.systems.stage import EACH_STEP, TimingConfig
 

@@ -28,8 +28,8 @@ from pydrake.systems.framework import (
 
 from physim_drake.errors import InputError
 from physim_drake.poses import Array
-from physim_drake.suction import SuctionConfig, Surface, find_seal, step_vacuum
-from physim_drake.suction_contact import read_surface, require_hydroelastic
+from physim_drake.suction.contact import read_surface, require_hydroelastic
+from physim_drake.suction.cup import SuctionConfig, Surface, find_seal, step_vacuum
 
 _LEVEL, _HELD, _NORMAL, _GAP = 0, 1, slice(2, 5), 5  # of the discrete state
 _NOTHING = -1.0

@@ -16,13 +16,17 @@ from scipy.spatial.transform import Rotation
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary, ObjectModel
-from physim_drake.observation import Detection, Mask, RgbdObservation
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.observation.observation import Detection, Mask, RgbdObservation
+from physim_drake.observation.segmented_scene import Scene, prepare_scene
+from physim_drake.observation.support_surface import (
+    SupportSurface,
+    depth_noise,
+    surface_at_height,
+)
 from physim_drake.poses import Array, SymmetryGroup, inverse, make_pose
 from physim_drake.rendering.depth import DepthRenderer
-from physim_drake.scene import Scene, prepare_scene
 from physim_drake.search.states import composite
-from physim_drake.surface import SupportSurface, depth_noise, surface_at_height
 
 CAMERA = CameraIntrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 ERASER, COFFEE, TAPE, BOOK, TISSUES, SOAP, GLUE, BALL = 2, 3, 4, 6, 8, 9, 10, 11

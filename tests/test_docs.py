@@ -17,10 +17,10 @@ import yaml
 from physim_drake.cli import app
 from physim_drake.datasets.results import read_results
 from physim_drake.errors import PhysimError
-from physim_drake.estimation import EstimationConfig, Method, estimate_scene
+from physim_drake.estimation.estimator import EstimationConfig, Method, estimate_scene
 from physim_drake.models import APC11
 from physim_drake.picking.scenario import PickScenario
-from physim_drake.typed_yaml import parse_typed_yaml
+from physim_drake.storage.typed_yaml import parse_typed_yaml
 from tests.documents import (
     EXAMPLE,
     PAGES,

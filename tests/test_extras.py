@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from physim_drake.batch import detection_lookup, trained_lookup
+from physim_drake.batch.images import detection_lookup, trained_lookup
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.errors import InputError
 from physim_drake.extras import EXTRAS, need_extra
 from physim_drake.models import APC11
-from physim_drake.ray_pool import RayPool
+from physim_drake.parallel.ray_pool import RayPool
 from physim_drake.systems.perception_config import NetworkDetectorConfig
 
 ROOT = Path(__file__).parents[1]
@@ -188,7 +188,7 @@ def test_what_needs_an_extra_says_so_in_one_line(
 
 def test_help_and_the_installation_are_in_order(base: dict[str, str]) -> None:
     assert run(base, "-c", MAIN, "--help")[0] == 0
-    probes = "physim_drake.installation_probes"
+    probes = "physim_drake.doctor.probes"
     for name in ("torch", "detector weights"):
         status, printed, _ = run(base, "-m", probes, name)
         assert status == 0

@@ -28,7 +28,9 @@ from physim_drake import __version__
 from physim_drake.extras import EXTRAS
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("physim_drake", "models", "systems")
+LINKED = ("models", "systems")
+"""Folders at the top to which links in the package lead; an archive has no links."""
+
 LEFT_OUT = {".gitignore"}
 
 _BUILD = "import sys, setuptools.build_meta as b; b.build_{}(sys.argv[1])"
@@ -73,7 +75,9 @@ def listed(*options: str) -> frozenset[str]:
         check=True,
     )
     names = done.stdout.split("\0")
-    return frozenset(name for name in names if (ROOT / name).is_file())
+    return frozenset(
+        n for n in names if (ROOT / n).is_file() or (ROOT / n).is_symlink()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +90,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     source = folder / "source"
     for name in copied:
         (source / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, source / name)
+        shutil.copy2(ROOT / name, source / name, follow_symlinks=False)
     sdist = build("sdist", source, folder / "sdist")
     with tarfile.open(sdist) as archive:
         archive.extractall(folder / "unpacked", filter="data")
@@ -100,6 +104,13 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     )
 
 
+def packed(names: frozenset[str]) -> set[str]:
+    """Where files of the repository stand in an archive, links replaced by files."""
+    links = {f"physim_drake/{folder}" for folder in LINKED}
+    linked = tuple(f"{folder}/" for folder in LINKED)
+    return {f"physim_drake/{n}" if n.startswith(linked) else n for n in names - links}
+
+
 def files_in(wheel: Path) -> dict[str, int]:
     """The names of its files, each with a checksum."""
     with zipfile.ZipFile(wheel) as archive:
@@ -107,11 +118,7 @@ def files_in(wheel: Path) -> dict[str, int]:
 
 
 def test_the_wheel_holds_every_file_of_the_packages(built: Built) -> None:
-    expected = {
-        name if name.startswith("physim_drake/") else f"physim_drake/{name}"
-        for name in built.copied
-        if name.split("/")[0] in PACKAGES
-    }
+    expected = {n for n in packed(built.copied) if n.startswith("physim_drake/")}
     assert "physim_drake/py.typed" in expected
     assert "physim_drake/models/apc11/library.yaml" in expected
     found = set(files_in(built.wheel))
@@ -126,8 +133,8 @@ def test_the_source_archive_holds_every_tracked_file(built: Built) -> None:
             for member in archive.getmembers()
             if member.isfile()
         }
-    assert built.tracked - found - LEFT_OUT == set()
-    added = {n for n in found - built.copied if ".egg-info/" not in n}
+    assert packed(built.tracked) - found - LEFT_OUT == set()
+    added = {n for n in found - packed(built.copied) if ".egg-info/" not in n}
     assert added == {"PKG-INFO", "setup.cfg"}
 
 
@@ -202,7 +209,7 @@ import physim_drake
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from physim_drake.models import APC11, PACKAGE_XML, SDA10F
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 
 plant = MultibodyPlant(0.01)
 parser = Parser(plant)
@@ -260,8 +267,8 @@ def test_whatever_the_packages_import_is_declared() -> None:
     ]
     names = {Requirement(text).name.lower() for text in texts}
     brought = packages_distributions()
-    paths = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    for path in paths:
+    folders = [ROOT / folder for folder in ("physim_drake", *LINKED)]
+    for path in itertools.chain.from_iterable(f.rglob("*.py") for f in folders):
         # pytest_plugin.py is imported by pytest alone.
         known = {"physim_drake", "pytest"} | sys.stdlib_module_names
         for module in imported(path) - known:

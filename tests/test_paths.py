@@ -10,14 +10,14 @@ import trimesh
 from PIL import Image
 
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.drake_export import file_stem, write_drake_model
 from physim_drake.errors import InputError
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.mesh_assets import FolderResolver, find_asset, find_texture
-from physim_drake.meshes import read_raw_mesh
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.mesh_assets import FolderResolver, find_asset, find_texture
+from physim_drake.objects.meshes import read_raw_mesh
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.objects.sdformat import file_stem, write_drake_model
 from physim_drake.picking.scenario import load_scenario
-from tests.test_estimate import X_A, estimate_of
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
+from tests.test_scene_estimate import X_A, estimate_of
 
 BOX = trimesh.creation.box((0.05, 0.08, 0.12))
 CRAFTED = ["../../evil", "/tmp/evil", "..", ".", "", "a/b", "a\\b", "a\nb", "x" * 500]

@@ -155,7 +155,7 @@ def test_files_that_pages_link_to_are_pages(site: Path) -> None:
 
 def test_docstrings_are_in_the_reference(site: Path) -> None:
     text = (site / "api" / "estimating.html").read_text()
-    assert 'id="physim_drake.estimation.PoseEstimator.estimate"' in text
+    assert 'id="physim_drake.estimation.estimator.PoseEstimator.estimate"' in text
     assert "one for each object to find" in text
     systems = (site / "api" / "systems.html").read_text()
     assert "name: PerceptionDiagram" in systems

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from physim_drake.datasets.bop import GroundTruthPose
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.poses import Array, exp_pose, make_pose
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from physim_drake.testing import assert_poses_close, compare_poses
 from tests.synthetic import BALL, ERASER, SOAP, library
 

@@ -20,11 +20,11 @@ from benchmarks.peers.installed import HOW, missing
 from benchmarks.peers.registration import registrations
 from benchmarks.peers.scene_level import scene_rows
 from benchmarks.peers.settling import engines
-from physim_drake.batch import detection_lookup
-from physim_drake.files import write_atomically
+from physim_drake.batch.images import detection_lookup
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.reporting.study import SUCCESS_CM, SUCCESS_DEG
+from physim_drake.storage.files import write_atomically
 
 PARTS = ("registration", "refinement", "settle", "scene")
 REFINED_FROM = (8.0, 0.010)  # degrees and metres off

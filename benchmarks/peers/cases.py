@@ -11,16 +11,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from physim_drake.batch import DetectionLookup, match_detections
+from physim_drake.batch.images import DetectionLookup, match_detections
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary, ObjectModel
-from physim_drake.observation import Detection, RgbdObservation, Segment
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.observation.observation import Detection, RgbdObservation, Segment
+from physim_drake.observation.segmented_scene import Scene, prepare_scene
+from physim_drake.observation.support_surface import find_support_surface
 from physim_drake.poses import Array, exp_pose, inverse
-from physim_drake.scene import Scene, prepare_scene
 from physim_drake.scenes.dataset import generate_dataset
 from physim_drake.scenes.recording import DatasetConfig
-from physim_drake.surface import find_support_surface
 
 LEAST_POINTS = 30
 T = TypeVar("T")

@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.peers.cases import Case
 from physim_drake.camera import CameraIntrinsics
-from physim_drake.objects import ObjectLibrary, ObjectModel
-from physim_drake.observation import Detection, Segment
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.observation.observation import Detection, Segment
+from physim_drake.observation.segmentation import estimate_normals
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 from physim_drake.rendering.raster import DepthRasterizer
-from physim_drake.scene import Scene
-from physim_drake.segmentation import estimate_normals
 
 OBJECTS, POSES = 6, 12
 SUCCESS_DEG, SUCCESS_CM = 10.0, 1.5

@@ -16,10 +16,10 @@ import numpy as np
 
 from benchmarks.peers.cases import Case
 from benchmarks.peers.installed import installed
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, inverse
-from physim_drake.registration import TrimmedIcpConfig, trimmed_icp
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
+from physim_drake.registration.trimmed_icp import TrimmedIcpConfig, trimmed_icp
 
 MODEL_POINTS = 4000  # about 4 mm apart, the segments' 3 mm
 _REACH = 0.02

@@ -17,9 +17,9 @@ from benchmarks.peers.installed import installed
 from benchmarks.peers.refinement import Refiner, best_peer, ours
 from physim_drake.hypotheses.generation import generate_hypotheses
 from physim_drake.hypotheses.pairs import pair_index
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, inverse
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 
 MODEL_POINTS = 2000
 _VOXEL = 0.005  # m; the other sizes of Open3D's tutorial are multiples of it

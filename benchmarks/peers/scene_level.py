@@ -10,13 +10,13 @@ import numpy as np
 from benchmarks.peers.cases import Case, PartOfDataset, clocked
 from benchmarks.peers.registration import Registration
 from benchmarks.peers.tables import Row, ratio
-from physim_drake.batch import DetectionLookup
+from physim_drake.batch.images import DetectionLookup
 from physim_drake.datasets.bop import ImageId
 from physim_drake.datasets.results import ResultRow
-from physim_drake.estimation import EstimationConfig
+from physim_drake.estimation.estimator import EstimationConfig
 from physim_drake.evaluation.evaluate import evaluate_results
 from physim_drake.evaluation.report import EvaluationReport
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.reporting.study import Study
 
 

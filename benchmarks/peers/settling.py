@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.peers.cases import Case
 from benchmarks.peers.installed import installed
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.physics.depenetration import depenetrate
 from physim_drake.physics.settling import SettleConfig, Settler
 from physim_drake.poses import Array, inverse, make_pose, rotation_angle

@@ -78,8 +78,8 @@ def detect(
     )
     from physim_drake.detection.detector import NetworkDetector
     from physim_drake.detection.drawing import draw_detections
-    from physim_drake.files import check_writable, make_folder
     from physim_drake.rendering.overlay import write_png
+    from physim_drake.storage.files import check_writable, make_folder
 
     data = BopDataset(dataset, split)
     images = data.images()

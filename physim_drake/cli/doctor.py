@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from physim_drake.installation import Check
+    from physim_drake.doctor.checks import Check
 
 _COLORS = {"ok": "green", "warning": "yellow", "FAIL": "red"}
 _INDENT = 9
@@ -33,7 +33,7 @@ def doctor(
     Example: `physim-drake doctor --json`
     """
     from physim_drake.cli.progress import Steps
-    from physim_drake.installation import CHECKS, Status, check_installation
+    from physim_drake.doctor.checks import CHECKS, Status, check_installation
 
     # Elsewhere than on a terminal, the lines themselves tell how far it is.
     quiet = as_json or not sys.stdout.isatty()

@@ -27,15 +27,15 @@ from physim_drake.cli.options import (
     messages,
     surface_height,
 )
-from physim_drake.engine import Engine
 from physim_drake.errors import InputError
+from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physim_drake.batch import DetectionLookup
+    from physim_drake.batch.images import DetectionLookup
     from physim_drake.datasets.bop import BopDataset, Target
-    from physim_drake.estimation import EstimationConfig
+    from physim_drake.estimation.estimator import EstimationConfig
 
 MAX_DEFAULT_WORKERS = 4
 """The search scores four placements at a time, so that more workers would idle."""
@@ -201,12 +201,12 @@ def estimate(
 
     `physim-drake evaluate lab.csv datasets/lab` then judges them.
     """
-    from physim_drake.batch import boxes_only, choose_images
+    from physim_drake.batch.images import boxes_only, choose_images
     from physim_drake.cli.estimate_run import EstimateRun
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results_writer import ResultsWriter
-    from physim_drake.files import make_folder
-    from physim_drake.objects import ObjectLibrary
+    from physim_drake.objects.model import ObjectLibrary
+    from physim_drake.storage.files import make_folder
 
     height = surface_height(surface)
     config = _config(
@@ -258,8 +258,8 @@ def _lookup(
     targets: Sequence[Target],
 ) -> tuple[DetectionLookup, str]:
     """What the method takes for the places of the objects, and its name."""
-    from physim_drake.batch import detection_lookup, trained_lookup
-    from physim_drake.estimation import Method
+    from physim_drake.batch.images import detection_lookup, trained_lookup
+    from physim_drake.estimation.estimator import Method
 
     if method != Method.FCN_PCA_ICP:
         return detection_lookup(data, detections, masks, weights, targets)
@@ -281,7 +281,7 @@ def _config(
     seed: int,
     least_confidence: float | None,
 ) -> EstimationConfig:
-    from physim_drake.estimation import EstimationConfig, Method
+    from physim_drake.estimation.estimator import EstimationConfig, Method
 
     config = EstimationConfig.paper() if plain else EstimationConfig()
     config = config.with_budget(expansions, hypotheses)

@@ -13,20 +13,20 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from physim_drake.batch import (
+from physim_drake.batch.images import (
     DetectionLookup,
     ImageResult,
     estimate_images,
     match_detections,
 )
+from physim_drake.batch.ray import make_estimator
 from physim_drake.cli.interrupts import say_interrupted
 from physim_drake.cli.progress import Steps
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.results_writer import ResultsWriter
-from physim_drake.engine import Engine
-from physim_drake.estimation import EstimationConfig
-from physim_drake.objects import ObjectLibrary
-from physim_drake.ray_estimation import make_estimator
+from physim_drake.estimation.estimator import EstimationConfig
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.parallel.engine import Engine
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import draw_overlay, write_png
 

@@ -78,9 +78,9 @@ def evaluate(
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results import read_results
     from physim_drake.evaluation.evaluate import evaluate_results
-    from physim_drake.files import check_writable
-    from physim_drake.objects import ObjectLibrary
+    from physim_drake.objects.model import ObjectLibrary
     from physim_drake.rendering.depth import DepthRenderer
+    from physim_drake.storage.files import check_writable
 
     if json_file is not None and str(json_file) != "-":
         check_writable(json_file)

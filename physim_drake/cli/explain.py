@@ -101,16 +101,16 @@ def explain(
     """
     need_extra("viz")
 
-    from physim_drake.batch import choose_images, detection_lookup
+    from physim_drake.batch.images import choose_images, detection_lookup
     from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.errors import InputError
-    from physim_drake.estimation import EstimationConfig
-    from physim_drake.files import check_writable, make_folder
-    from physim_drake.objects import ObjectLibrary
+    from physim_drake.estimation.estimator import EstimationConfig
+    from physim_drake.objects.model import ObjectLibrary
     from physim_drake.reporting.explanation import explain_image
     from physim_drake.reporting.explanation_page import write_explanation
+    from physim_drake.storage.files import check_writable, make_folder
 
     height = surface_height(surface)
     data = BopDataset(dataset, split, models)

@@ -21,9 +21,9 @@ from physim_drake.cli.options import (
     Seed,
     messages,
 )
-from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
+from physim_drake.parallel.engine import Engine
 
 
 class Camera(StrEnum):
@@ -99,13 +99,13 @@ def generate(
     level_numbers = _levels(levels)
     fewest, most = _range(objects)
 
-    from physim_drake.camera_presets import CameraName
     from physim_drake.cli.progress import Steps
-    from physim_drake.objects import ObjectLibrary
-    from physim_drake.scenes.containers import ContainerName
+    from physim_drake.objects.containers import ContainerName
+    from physim_drake.objects.model import ObjectLibrary
     from physim_drake.scenes.dataset import generate_dataset
     from physim_drake.scenes.recording import DatasetConfig
     from physim_drake.scenes.views import ViewConfig
+    from physim_drake.sensors.presets import CameraName
 
     config = DatasetConfig(
         seed=seed,

@@ -85,22 +85,22 @@ def learn(
 
     from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
-    from physim_drake.detection.choosing import ChoiceConfig
     from physim_drake.detection.detector import NetworkDetector
-    from physim_drake.detection.self_learning import LabelledScene
-    from physim_drake.picking.looking import LookingConditions
+    from physim_drake.observation.detection_selection import ChoiceConfig
+    from physim_drake.picking.look_postures import LookingConditions
     from physim_drake.picking.scenario import (
         ObjectsConfig,
         PickScenario,
         load_scenario,
     )
-    from physim_drake.systems.detector import TrainedDetector
-    from physim_drake.systems.exploration import (
+    from physim_drake.self_learning.exploration import (
         ExplorationConfig,
         Explorer,
         explore_scenes,
     )
-    from physim_drake.typed_yaml import load_typed_yaml
+    from physim_drake.self_learning.labels import LabelledScene
+    from physim_drake.storage.typed_yaml import load_typed_yaml
+    from physim_drake.systems.detector import TrainedDetector
 
     cell = PickScenario(objects=ObjectsConfig(library=str(APC11)))
     if scenario is not None:

@@ -20,7 +20,7 @@ from physim_drake.cli.options import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from physim_drake.objects import ObjectModel
+    from physim_drake.objects.model import ObjectModel
 
 models_app = typer.Typer(help="Look at object models.", no_args_is_help=True)
 
@@ -73,7 +73,7 @@ def check(
     from rich.console import Console
 
     from physim_drake.cli.progress import Steps
-    from physim_drake.objects import ObjectLibrary
+    from physim_drake.objects.model import ObjectLibrary
 
     library, reports = ObjectLibrary.load(folder), []
     with Steps(messages(quiet), "object", len(library)) as steps:
@@ -93,8 +93,8 @@ def check(
 
 def report(model: ObjectModel) -> ModelReport:
     """Gathers the facts of one object."""
-    from physim_drake.collision import pieces_deviation
-    from physim_drake.symmetry import describe_symmetry
+    from physim_drake.objects.convex_pieces import pieces_deviation
+    from physim_drake.objects.symmetry import describe_symmetry
 
     return ModelReport(
         id=model.object_id,

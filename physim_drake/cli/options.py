@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from physim_drake.engine import Engine
 from physim_drake.errors import InputError
-from physim_drake.log_levels import LogLevels
+from physim_drake.parallel.engine import Engine
+from physim_drake.parallel.log_levels import LogLevels
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -166,7 +166,7 @@ def write_json(path: Path, value: Any) -> bool:
     """
     import json
 
-    from physim_drake.files import write_atomically
+    from physim_drake.storage.files import write_atomically
 
     text = json.dumps(value, indent=1, allow_nan=False)
     if str(path) == "-":

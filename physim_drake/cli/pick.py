@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from physim_drake.picking.episode import EpisodeResult
+    from physim_drake.episodes.result import EpisodeResult
     from physim_drake.picking.scenario import PickScenario
 
 PROGRESS_FILE = "pick.progress"
@@ -132,12 +132,12 @@ def pick(
         need_extra("viz")
 
     from physim_drake.cli.pick_run import PickRun, replay_name
-    from physim_drake.files import make_folder
-    from physim_drake.picking.episode import summary
-    from physim_drake.picking.episode_notes import EpisodeNotes, scenario_settings
+    from physim_drake.episodes.notes import EpisodeNotes, scenario_settings
+    from physim_drake.episodes.result import summary
+    from physim_drake.episodes.runner import local_meshcat
     from physim_drake.picking.scenario import load_scenario
-    from physim_drake.progress_file import ProgressFile
-    from physim_drake.systems.episodes import local_meshcat
+    from physim_drake.storage.files import make_folder
+    from physim_drake.storage.progress_file import ProgressFile
 
     loaded = _choose_detector(load_scenario(scenario), detector, weights)
     loaded = _with_options(loaded, seed, workers)
@@ -156,7 +156,7 @@ def pick(
         run = PickRun(loaded, scenario, notes, record, shown)
         results = run.run(episodes, messages(quiet))
     if record is not None:
-        from physim_drake.reporting.episodes import write_episodes_report
+        from physim_drake.reporting.episodes_page import write_episodes_report
 
         replays = [replay_name(result.episode) for result in results]
         write_episodes_report(results, replays, str(loaded.random_seed), record)
@@ -168,7 +168,7 @@ def _progress_path(
     record: Path | None, json_file: Path | None, resume: bool
 ) -> Path | None:
     """Where episodes are kept: beside what is written at the end."""
-    from physim_drake.files import is_written_straight
+    from physim_drake.storage.files import is_written_straight
 
     if record is not None:
         return record / PROGRESS_FILE
@@ -235,7 +235,7 @@ def _table(results: Sequence[EpisodeResult]) -> Table:
     from rich import box
     from rich.table import Table
 
-    from physim_drake.picking.episode import figures
+    from physim_drake.episodes.result import figures
 
     table = Table(box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
     table.add_column("episode")

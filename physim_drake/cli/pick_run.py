@@ -12,13 +12,13 @@ from pydrake.systems.framework import Context
 from rich.console import Console
 
 from physim_drake.cli.progress import Steps
+from physim_drake.episodes.notes import EpisodeNotes
+from physim_drake.episodes.result import EpisodeResult
+from physim_drake.episodes.runner import EpisodeRunner
 from physim_drake.errors import InputError
-from physim_drake.files import write_atomically
-from physim_drake.picking.episode import EpisodeResult
-from physim_drake.picking.episode_notes import EpisodeNotes
 from physim_drake.picking.scenario import PickScenario
 from physim_drake.reporting.replays import replay_page
-from physim_drake.systems.episodes import EpisodeRunner
+from physim_drake.storage.files import write_atomically
 from physim_drake.systems.pick_cell import PickCell, PickCellParts
 
 

@@ -24,14 +24,14 @@ from physim_drake.cli.options import (
     Split,
     messages,
 )
-from physim_drake.engine import Engine
 from physim_drake.errors import InputError
 from physim_drake.extras import need_extra
+from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from physim_drake.estimation import EstimationConfig, Method
+    from physim_drake.estimation.estimator import EstimationConfig, Method
     from physim_drake.reporting.detector_loss import DetectorLoss
     from physim_drake.reporting.study import HypothesisQuality, MethodRun, Study
     from physim_drake.reporting.study_notes import StudyNotes
@@ -132,14 +132,14 @@ def report(
     """
     need_extra("viz")
 
-    from physim_drake.batch import detection_lookup
+    from physim_drake.batch.images import detection_lookup
     from physim_drake.datasets.bop import BopDataset
-    from physim_drake.files import make_folder
-    from physim_drake.objects import ObjectLibrary
-    from physim_drake.progress_file import ProgressFile
-    from physim_drake.reporting.page import write_report
+    from physim_drake.objects.model import ObjectLibrary
     from physim_drake.reporting.study import Study
     from physim_drake.reporting.study_notes import StudyNotes
+    from physim_drake.reporting.study_page import write_report
+    from physim_drake.storage.files import make_folder
+    from physim_drake.storage.progress_file import ProgressFile
 
     names = _read_methods(methods)
     make_folder(out)
@@ -228,7 +228,7 @@ def _plan(
     by_default: bool,
 ) -> tuple[list[_Item], list[str]]:
     """What to run, and why a method that was not asked for by name is left out."""
-    from physim_drake.batch import trained_lookup
+    from physim_drake.batch.images import trained_lookup
 
     plan, notes = [], []
     for method in methods:
@@ -256,7 +256,7 @@ def _plan(
 
 
 def _read_methods(text: str) -> list[Method]:
-    from physim_drake.estimation import Method
+    from physim_drake.estimation.estimator import Method
 
     names = list(dict.fromkeys(n.strip() for n in text.split(",") if n.strip()))
     for name in names:
@@ -273,7 +273,7 @@ def _config(
     seed: int, plain: bool, workers: int | None, expansions: int, hypotheses: int
 ) -> EstimationConfig:
     from physim_drake.cli.estimate import default_workers
-    from physim_drake.estimation import EstimationConfig
+    from physim_drake.estimation.estimator import EstimationConfig
 
     config = EstimationConfig.paper() if plain else EstimationConfig()
     config = config.with_budget(expansions, hypotheses)

@@ -23,9 +23,9 @@ from physim_drake.cli.options import (
 )
 from physim_drake.cli.progress import Steps
 from physim_drake.closing import Closing
-from physim_drake.engine import Engine
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11
+from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -206,17 +206,21 @@ def train(
     import torch
 
     from physim_drake.cli.estimate import default_workers
-    from physim_drake.detection.config import BackboneName, NetworkConfig, NetworkKind
-    from physim_drake.detection.devices import DeviceName, choose_device
-    from physim_drake.detection.train_detector import (
+    from physim_drake.detection.networks.config import (
+        BackboneName,
+        NetworkConfig,
+        NetworkKind,
+    )
+    from physim_drake.detection.networks.devices import DeviceName, choose_device
+    from physim_drake.detection.training.detector_training import (
         WEIGHTS_FILE,
         DetectorTraining,
         TrainDetectorConfig,
     )
-    from physim_drake.detection.training import TrainingConfig
-    from physim_drake.detection.training_scenes import SceneSetConfig
-    from physim_drake.objects import ObjectLibrary
-    from physim_drake.scenes.containers import ContainerName
+    from physim_drake.detection.training.scene_sets import SceneSetConfig
+    from physim_drake.detection.training.trainer import TrainingConfig
+    from physim_drake.objects.containers import ContainerName
+    from physim_drake.objects.model import ObjectLibrary
 
     where = choose_device(DeviceName(device))
     if threads is not None:
@@ -261,7 +265,7 @@ def train(
 
 
 def _bfloat16(precision: Precision, device: Any) -> bool:
-    from physim_drake.detection.devices import has_fast_bfloat16
+    from physim_drake.detection.networks.devices import has_fast_bfloat16
 
     if precision is Precision.AUTO:
         return has_fast_bfloat16(device)

@@ -19,7 +19,6 @@ import numpy as np
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.images import png_size, read_color, read_depth, read_mask
-from physim_drake.datasets.json_nodes import read_json
 from physim_drake.datasets.scene_files import (
     SceneFiles,
     read_camera_pose,
@@ -27,8 +26,9 @@ from physim_drake.datasets.scene_files import (
     read_pose,
 )
 from physim_drake.errors import InputError
-from physim_drake.observation import Detection, Mask, RgbdObservation
+from physim_drake.observation.observation import Detection, Mask, RgbdObservation
 from physim_drake.poses import Array
+from physim_drake.storage.json_nodes import read_json
 
 ImageId = tuple[int, int]
 """Scene id and image id."""

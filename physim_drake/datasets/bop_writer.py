@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import mask_bounds
-from physim_drake.meshes import read_raw_mesh
-from physim_drake.objects import ObjectLibrary, ObjectModel
-from physim_drake.observation import Mask, RgbdObservation
+from physim_drake.objects.meshes import read_raw_mesh
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.observation.observation import Mask, RgbdObservation
 from physim_drake.poses import Array, inverse
 
 DEPTH_SCALE = 0.1

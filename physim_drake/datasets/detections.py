@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
-from physim_drake.datasets.json_nodes import JsonNode, read_json
 from physim_drake.datasets.rle import Runs, decode_runs, read_runs
 from physim_drake.errors import InputError
-from physim_drake.observation import Detection
+from physim_drake.observation.observation import Detection
 from physim_drake.poses import Array
+from physim_drake.storage.json_nodes import JsonNode, read_json
 
 _MAX_COORDINATE = 1e6
 _MOST_NAMED = 10

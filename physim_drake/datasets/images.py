@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.errors import InputError
-from physim_drake.observation import Mask
+from physim_drake.observation.observation import Mask
 
 MAX_PIXELS = 64_000_000
 """Largest image that is decoded, in pixels (8000 x 8000)."""

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from physim_drake.datasets.json_nodes import MAX_ID
 from physim_drake.datasets.scene_files import MAX_TRANSLATION_MM
 from physim_drake.errors import InputError
 from physim_drake.poses import Array, is_rotation, make_pose, nearest_rotation
-from physim_drake.text_files import read_text
+from physim_drake.storage.json_nodes import MAX_ID
+from physim_drake.storage.text import read_text
 
 MAX_RESULTS_BYTES = 512_000_000
 """Longest results file that is read."""

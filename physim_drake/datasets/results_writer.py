@@ -22,9 +22,9 @@ from physim_drake.closing import Closing
 from physim_drake.datasets.bop import ImageId
 from physim_drake.datasets.results import COLUMNS, ResultRow, format_row
 from physim_drake.errors import InputError
-from physim_drake.files import cannot_write
 from physim_drake.poses import is_rotation
-from physim_drake.progress_file import (
+from physim_drake.storage.files import cannot_write
+from physim_drake.storage.progress_file import (
     ProgressFile,
     append,
     check_in_place,

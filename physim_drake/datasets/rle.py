@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from physim_drake.datasets.json_nodes import JsonNode
-from physim_drake.observation import Mask
+from physim_drake.observation.observation import Mask
+from physim_drake.storage.json_nodes import JsonNode
 
 Runs = NDArray[np.int64]
 _MAX_GROUPS = 7  # 35 bits, more than any image's pixels

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from physim_drake.camera import CameraIntrinsics
-from physim_drake.datasets.json_nodes import JsonNode, read_json
 from physim_drake.errors import InputError
 from physim_drake.poses import Array, inverse, is_rotation, make_pose, nearest_rotation
+from physim_drake.storage.json_nodes import JsonNode, read_json
 
 _COLOR_NAMES = ("rgb/{:06d}.png", "rgb/{:06d}.jpg", "gray/{:06d}.png")
 MAX_TRANSLATION_MM = 1e6

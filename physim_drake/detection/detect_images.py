@@ -16,9 +16,9 @@ from pycocotools import mask as coco_mask
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.errors import InputError
-from physim_drake.files import write_atomically
-from physim_drake.library_files import LIBRARY_FILE, find_objects
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.objects.library_files import LIBRARY_FILE, find_objects
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.storage.files import write_atomically
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from torch import nn
 
 from physim_drake.camera import DepthImage
-from physim_drake.detection.networks import ObjectClass, segmenter
-from physim_drake.detection.weights import load_weights
+from physim_drake.detection.networks.factory import ObjectClass, segmenter
+from physim_drake.detection.networks.weights import load_weights
 from physim_drake.errors import InputError
-from physim_drake.observation import Detection
+from physim_drake.observation.observation import Detection
 
 _MASK_LEVEL = 0.5
 

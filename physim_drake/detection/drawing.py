@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from physim_drake.observation import Detection
+from physim_drake.observation.observation import Detection
 from physim_drake.rendering.captions import Captions
 
 _COLORS = (matplotlib.colormaps["tab20"](np.arange(20))[:, :3] * 255).astype(int)

@@ -12,17 +12,17 @@ from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
 from physim_drake.datasets.results import ResultRow
 from physim_drake.errors import InputError
-from physim_drake.evaluation.pose_errors import (
+from physim_drake.evaluation.report import EvaluationReport, TargetErrors
+from physim_drake.evaluation.visible_surface import RenderDepth, SceneDistances, vsd
+from physim_drake.objects.library_files import BOP_FILE, find_objects
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.pose_errors import (
     add_s,
     mspd,
     mssd,
     pose_error,
     symmetry_samples,
 )
-from physim_drake.evaluation.report import EvaluationReport, TargetErrors
-from physim_drake.evaluation.visible_surface import RenderDepth, SceneDistances, vsd
-from physim_drake.library_files import BOP_FILE, find_objects
-from physim_drake.objects import ObjectLibrary
 from physim_drake.poses import Array, SymmetryGroup
 
 MakeRenderer = Callable[[CameraIntrinsics], RenderDepth]

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.evaluation.pose_errors import pose_error
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 
 
 @dataclass(frozen=True)

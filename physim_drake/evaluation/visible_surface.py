@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
-from physim_drake.observation import Mask
+from physim_drake.observation.observation import Mask
 from physim_drake.poses import Array
 
 VSD_DELTA = 0.015

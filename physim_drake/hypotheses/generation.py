@@ -11,11 +11,18 @@ from physim_drake.hypotheses.clustering import ClusteringConfig, cluster_poses
 from physim_drake.hypotheses.pairs import pair_index
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig, super4pcs
 from physim_drake.hypotheses.visibility import visibility
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array
-from physim_drake.registration import TrimmedIcpConfig, lcp_scores, trimmed_icp
-from physim_drake.registration_model import RegistrationModel, registration_model
-from physim_drake.scene import Scene
+from physim_drake.registration.registration_model import (
+    RegistrationModel,
+    registration_model,
+)
+from physim_drake.registration.trimmed_icp import (
+    TrimmedIcpConfig,
+    lcp_scores,
+    trimmed_icp,
+)
 
 _TRUST_IN_SIGHT = 2
 """Power of visibility. Of 1 to 4, the representatives hold a success most often at 2

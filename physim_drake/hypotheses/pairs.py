@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.compiled import compiled
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 
 Indices = NDArray[np.int64]
 Points = NDArray[np.int32]

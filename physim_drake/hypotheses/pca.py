@@ -7,10 +7,10 @@ from itertools import product
 
 import numpy as np
 
-from physim_drake.objects import ObjectModel
-from physim_drake.observation import Segment
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.observation import Segment
 from physim_drake.poses import Array, make_pose
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 
 
 def pca_poses(model: ObjectModel, segment: Segment) -> Array:

@@ -15,9 +15,9 @@ import numpy as np
 
 from physim_drake.camera import DepthImage
 from physim_drake.compiled import compiled
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array
-from physim_drake.registration_model import RegistrationModel
-from physim_drake.scene import Scene
+from physim_drake.registration.registration_model import RegistrationModel
 
 _POINTS = 100
 _CLOSE = 0.01

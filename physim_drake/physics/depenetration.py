@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, transform_points
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 
 _ITERATIONS = 6
 _TOLERANCE = 0.0005

@@ -47,7 +47,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, rotation_angle
 
 _PARKED = RigidTransform([0.0, 0.0, -50.0])

@@ -19,8 +19,7 @@ from itertools import islice
 import numpy as np
 from pydrake.multibody.parsing import ModelDirective
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.inverse_kinematics import IkSearch, PoseGoal
 from physim_drake.picking.motions import connect, straight_line
 from physim_drake.picking.planner_config import (
@@ -39,6 +38,7 @@ from physim_drake.picking.trajectories import (
 )
 from physim_drake.picking.viewpoints import Viewpoint, propose_viewpoints
 from physim_drake.poses import Array, inverse, transform_points
+from physim_drake.scene_estimate import SceneEstimate
 
 _LOOK_CONE = 0.09  # rad
 _LOOK_RADIUS = 0.03  # m

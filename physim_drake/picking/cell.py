@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physim_drake.camera_presets import PRESETS
 from physim_drake.errors import InputError
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.arm_planner import ArmPlanner
 from physim_drake.picking.planner_config import PlanFailure
 from physim_drake.picking.planning_plant import find_frame
@@ -20,6 +19,7 @@ from physim_drake.picking.suction_points import SuctionCup
 from physim_drake.picking.tote import Tote
 from physim_drake.picking.viewpoints import look_at
 from physim_drake.poses import Array, inverse, make_pose, transform_points
+from physim_drake.sensors.presets import PRESETS
 
 _DOWN = np.diag([1.0, -1.0, -1.0])
 _DROPS = np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, 0.35], [0.0, -0.35], [0.0, 0.0]])

@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 import networkx as nx
 import numpy as np
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.picking.surroundings import PlacedObject
 from physim_drake.poses import Array, inverse, transform_points
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 
 _LIFTS = (0.004, 0.007, 0.010, 0.015, 0.020)
 """m; the first ones for thin objects, that a larger lift would pass through."""

@@ -40,7 +40,7 @@ from pydrake.planning import (
 
 from physim_drake.errors import InputError
 from physim_drake.models import PACKAGE_XML
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.picking.planner_config import ArmPlannerConfig
 
 PARKED = RigidTransform([0.0, 0.0, -100.0])

@@ -20,7 +20,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, JacobianWrtVariable
 
 from physim_drake.errors import InputError
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.planner_config import ArmPlannerConfig, HeldObject
 from physim_drake.picking.planning_plant import (
     PARKED,

@@ -19,8 +19,7 @@ from typing import Protocol, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.piles import objects_on
 from physim_drake.picking.suction_points import SuctionCup, suction_points
 from physim_drake.picking.surroundings import (
@@ -31,6 +30,7 @@ from physim_drake.picking.surroundings import (
     tool_clearance,
 )
 from physim_drake.poses import Array, make_pose
+from physim_drake.scene_estimate import SceneEstimate
 
 
 @dataclass(frozen=True)

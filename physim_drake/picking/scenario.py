@@ -17,14 +17,14 @@ from pydrake.geometry import SceneGraphConfig
 from pydrake.multibody.parsing import AddDirectives, ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
 
-from physim_drake.camera_presets import CameraName
 from physim_drake.errors import InputError
-from physim_drake.estimation import Method
+from physim_drake.estimation.estimator import Method
 from physim_drake.models import PACKAGE_XML
+from physim_drake.objects.containers import ContainerName
 from physim_drake.picking.planner_config import ArmPlannerConfig
-from physim_drake.scenes.containers import ContainerName
-from physim_drake.suction import SuctionConfig
-from physim_drake.typed_yaml import load_typed_yaml
+from physim_drake.sensors.presets import CameraName
+from physim_drake.storage.typed_yaml import load_typed_yaml
+from physim_drake.suction.cup import SuctionConfig
 
 _SCENARIO_PACKAGE = "package://scenario/"
 

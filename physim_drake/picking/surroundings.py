@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.containers import Container
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.poses import Array, inverse, make_pose, transform_points
-from physim_drake.registration_model import registration_model
-from physim_drake.scenes.containers import Container
+from physim_drake.registration.registration_model import registration_model
+from physim_drake.scene_estimate import SceneEstimate
 
 _RING_POINTS = 12
 _RING_STEP = 0.01  # m

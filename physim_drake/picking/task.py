@@ -17,18 +17,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
-from physim_drake.picking.choice import Choice, MotionPlanner, choose
-from physim_drake.picking.known_scene import (
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.picking.pick_choice import Choice, MotionPlanner, choose
+from physim_drake.picking.planner_config import PlanFailure
+from physim_drake.picking.policy import PickConditions, PickOrder, PickPolicy
+from physim_drake.picking.scenario import TaskConfig
+from physim_drake.picking.scene_memory import (
     described,
     merged,
     on_table,
     without_object,
 )
-from physim_drake.picking.planner_config import PlanFailure
-from physim_drake.picking.policy import PickConditions, PickOrder, PickPolicy
-from physim_drake.picking.scenario import TaskConfig
 from physim_drake.picking.task_state import (
     EventKind,
     Phase,
@@ -38,6 +37,7 @@ from physim_drake.picking.task_state import (
 from physim_drake.picking.tote import Tote
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array
+from physim_drake.scene_estimate import SceneEstimate
 
 _NO_VACUUM = 0.1  # below it, the object is free
 _MAX_RELEASE = 5.0  # s

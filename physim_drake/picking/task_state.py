@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from physim_drake.estimate import SceneEstimate
 from physim_drake.picking.arm_planner import PickPlan
-from physim_drake.picking.known_scene import NOTHING_KNOWN
+from physim_drake.picking.scene_memory import NOTHING_KNOWN
 from physim_drake.picking.tote import Fills
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array
+from physim_drake.scene_estimate import SceneEstimate
 
 
 class Phase(StrEnum):

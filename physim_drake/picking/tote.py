@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.planner_config import HeldObject
 from physim_drake.poses import Array, inverse, transform_points
 

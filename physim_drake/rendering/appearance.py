@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from physim_drake.objects.containers import Container
 from physim_drake.poses import Array
-from physim_drake.scenes.containers import Container
 
 Texture = NDArray[np.uint8]
 """(height, width, 3) RGB."""

@@ -29,7 +29,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, inverse
 from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
 from physim_drake.rendering.windows import DepthWindow, crop

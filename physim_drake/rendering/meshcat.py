@@ -10,10 +10,10 @@ from pydrake.geometry import Meshcat, Rgba
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import RgbdObservation
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import RgbdObservation
 from physim_drake.poses import Array, transform_points
+from physim_drake.scene_estimate import SceneEstimate
 
 
 def draw_estimate(

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.files import write_atomically
-from physim_drake.objects import ObjectModel
-from physim_drake.observation import RgbdObservation
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.observation import RgbdObservation
 from physim_drake.rendering.captions import FONT, Captions, font_scale
 from physim_drake.rendering.colors import diverging_colors, object_color
 from physim_drake.rendering.depth import DepthRenderer
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
+from physim_drake.storage.files import write_atomically
 
 Image = NDArray[np.uint8]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.compiled import compiled
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array
 from physim_drake.rendering.windows import DepthWindow
 

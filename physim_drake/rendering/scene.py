@@ -37,12 +37,12 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
-from physim_drake.files import cannot_write
+from physim_drake.objects.containers import Container
 from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.appearance import Appearance, Light
 from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
-from physim_drake.scenes.containers import Container
-from physim_drake.scratch import ScratchFolder
+from physim_drake.storage.files import cannot_write
+from physim_drake.storage.scratch import ScratchFolder
 
 _ENGINE, _PROJECTOR_ENGINE = "vtk", "projector"
 _CONTAINER_LABEL = 0

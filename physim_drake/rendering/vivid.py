@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from physim_drake.objects.containers import Container
 from physim_drake.poses import Array
 from physim_drake.rendering.appearance import Appearance, Light, Texture
-from physim_drake.scenes.containers import Container
 
 _SIZE = 256  # px
 _FONTS = (

@@ -10,21 +10,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from physim_drake.batch import DetectionLookup, match_detections
+from physim_drake.batch.images import DetectionLookup, match_detections
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
 from physim_drake.errors import InputError
-from physim_drake.estimate import SceneEstimate
-from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
-from physim_drake.evaluation.pose_errors import pose_error
+from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.objects import ObjectLibrary, ObjectModel
-from physim_drake.observation import Detection, Mask, RgbdObservation
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.observation.observation import Detection, Mask, RgbdObservation
+from physim_drake.observation.segmented_scene import Scene
+from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import SceneLabels, render_labels
 from physim_drake.reporting.search_record import SearchRecord, record_searches
-from physim_drake.scene import Scene
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.search.dependency import DependencyGraph, dependency_graph
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from physim_drake.files import write_atomically
 from physim_drake.rendering.colors import object_color
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import Explanation
@@ -30,6 +29,7 @@ from physim_drake.reporting.explanation_words import (
 )
 from physim_drake.reporting.html import jpeg, render_page
 from physim_drake.reporting.search_record import SearchRecord
+from physim_drake.storage.files import write_atomically
 
 _FRAMES = 4  # of the best states over time
 

@@ -12,15 +12,15 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from physim_drake.estimate import ObjectEstimate
-from physim_drake.observation import Mask
+from physim_drake.observation.observation import Mask
+from physim_drake.observation.support_surface import heights_above
 from physim_drake.poses import Array, transform_points
 from physim_drake.rendering.captions import Captions
 from physim_drake.rendering.colors import Color, diverging_colors, object_color
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import RESIDUAL_RANGE, draw_overlay, render_labels
 from physim_drake.reporting.explanation import Explanation
-from physim_drake.surface import heights_above
+from physim_drake.scene_estimate import ObjectEstimate
 
 Image = NDArray[np.uint8]
 

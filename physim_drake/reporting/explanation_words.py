@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from physim_drake.poses import Array
-from physim_drake.registration_model import lookalike_turns
+from physim_drake.registration.registration_model import lookalike_turns
 from physim_drake.reporting.explanation import Explanation, Shares, StageError
 
 RIGHT_DEG, RIGHT_MM = 5.0, 10.0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """What a tree search did, selection by selection, and the tree that it grew.
 
-The first search of each group is run again, with the seeds of
-`physim_drake.estimation`, and watched: so its tree is the one that the estimate came
-from, and estimating itself pays nothing for being explained.
+The first search of each group is run again, with the seeds of the estimator, and
+watched: so its tree is the one that the estimate came from, and estimating itself pays
+nothing for being explained.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physim_drake.estimation import EstimationConfig
+from physim_drake.estimation.estimator import EstimationConfig
+from physim_drake.estimation.workers import WorkerPool
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.objects import ObjectLibrary
-from physim_drake.scene import Scene
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.search.dependency import DependencyGraph
 from physim_drake.search.expansion import Rollout, RolloutResult
 from physim_drake.search.tree import (
@@ -25,7 +26,6 @@ from physim_drake.search.tree import (
     SearchResult,
     monte_carlo_tree_search,
 )
-from physim_drake.workers import WorkerPool
 
 
 @dataclass(frozen=True)

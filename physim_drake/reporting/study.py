@@ -8,26 +8,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from physim_drake.batch import DetectionLookup, estimate_images, match_detections
+from physim_drake.batch.images import DetectionLookup, estimate_images, match_detections
+from physim_drake.batch.ray import make_estimator
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId
 from physim_drake.datasets.results import ResultRow
-from physim_drake.engine import Engine
-from physim_drake.estimate import SceneEstimate
-from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
+from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
 from physim_drake.evaluation.evaluate import MakeRenderer, evaluate_results
-from physim_drake.evaluation.pose_errors import pose_error
 from physim_drake.evaluation.report import EvaluationReport
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection
+from physim_drake.parallel.engine import Engine
+from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array, SymmetryGroup
-from physim_drake.ray_estimation import make_estimator
 from physim_drake.reporting.study_notes import (
     ImageHypotheses,
     ImageOutcome,
     ObjectHypotheses,
     StudyNotes,
 )
+from physim_drake.scene_estimate import SceneEstimate
 
 SUCCESS_DEG, SUCCESS_CM = 6.0, 1.5
 HYPOTHESES = "hypotheses"

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from physim_drake.datasets.bop import ImageId
-from physim_drake.datasets.json_nodes import JsonNode
-from physim_drake.estimate import SceneEstimate
-from physim_drake.plain_values import from_plain, to_plain
 from physim_drake.poses import Array
-from physim_drake.progress_file import ProgressFile
+from physim_drake.scene_estimate import SceneEstimate
+from physim_drake.storage.dataclass_json import from_plain, to_plain
+from physim_drake.storage.json_nodes import JsonNode
+from physim_drake.storage.progress_file import ProgressFile
 
 T = TypeVar("T")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from physim_drake.scenes.containers import ContainerName
+from physim_drake.objects.containers import ContainerName
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,12 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from physim_drake.datasets.bop_writer import json_text, write_bop_models
-from physim_drake.datasets.json_nodes import read_json
-from physim_drake.engine import Engine
 from physim_drake.errors import InputError
-from physim_drake.files import cannot_write, fill_folder, write_atomically
-from physim_drake.objects import ObjectLibrary
-from physim_drake.processes import SupervisedPool, SupervisionConfig
-from physim_drake.ray_pool import RayPool
-from physim_drake.scenes.containers import ContainerName, load_container
+from physim_drake.objects.containers import ContainerName, load_container
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.parallel.engine import Engine
+from physim_drake.parallel.ray_pool import RayPool
+from physim_drake.parallel.supervised_pool import SupervisedPool, SupervisionConfig
 from physim_drake.scenes.directives import PACKAGE_XML
 from physim_drake.scenes.generation import check_scene_config, write_models
 from physim_drake.scenes.recording import (
@@ -36,7 +34,9 @@ from physim_drake.scenes.recording import (
     DatasetConfig,
     write_scene,
 )
-from physim_drake.scratch import ScratchFolder
+from physim_drake.storage.files import cannot_write, fill_folder, write_atomically
+from physim_drake.storage.json_nodes import read_json
+from physim_drake.storage.scratch import ScratchFolder
 
 SPLIT = "test"
 STATE_FILE = "generation.json"

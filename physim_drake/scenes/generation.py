@@ -10,10 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from physim_drake.drake_export import write_drake_model
 from physim_drake.errors import InputError, PhysimError
-from physim_drake.files import reading
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.containers import (
+    Container,
+    ContainerName,
+    load_container,
+)
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.objects.sdformat import write_drake_model
 from physim_drake.poses import Array
 from physim_drake.scenes.config import SceneConfig, SettlingConfig
 from physim_drake.scenes.contact_graph import (
@@ -23,14 +27,10 @@ from physim_drake.scenes.contact_graph import (
     interaction_levels,
     largest_group,
 )
-from physim_drake.scenes.containers import (
-    Container,
-    ContainerName,
-    load_container,
-)
 from physim_drake.scenes.placement import NotPlacedError, Placer
 from physim_drake.scenes.plant import NotAtRestError, RestingScene, ScenePlant
-from physim_drake.scratch import ScratchFolder
+from physim_drake.storage.files import reading
+from physim_drake.storage.scratch import ScratchFolder
 
 _PLACEMENTS = 4  # a set of objects is tried this often before others are drawn
 _TABLE_OBJECTS = 11  # fit side by side into the usual area

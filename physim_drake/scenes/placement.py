@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from physim_drake.objects.containers import Container
 from physim_drake.poses import Array, make_pose
-from physim_drake.scenes.containers import Container
 from physim_drake.scenes.plant import CONTAINER, ScenePlant
 from physim_drake.scenes.resting_poses import RestingShape, resting_shape, turned
 

@@ -22,11 +22,11 @@ from pydrake.multibody.tree import QuaternionFloatingJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.containers import Container
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, inverse, make_pose, rotation_angle
 from physim_drake.scenes.config import SettlingConfig
 from physim_drake.scenes.contact_graph import Pair
-from physim_drake.scenes.containers import Container
 
 CONTAINER = -1
 """Index of the container in pairs of bodies."""

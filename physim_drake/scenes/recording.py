@@ -15,15 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from physim_drake.color_noise import ColorNoise
 from physim_drake.datasets.bop_writer import BopImage, write_bop_scene, write_json
-from physim_drake.depth_noise import DepthNoise
 from physim_drake.errors import PhysimError
-from physim_drake.files import fill_folder, reading
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.containers import ContainerName
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.scenes.config import SceneConfig
-from physim_drake.scenes.containers import ContainerName
 from physim_drake.scenes.directives import directives_text
 from physim_drake.scenes.generation import GeneratedScene, generate_scene
 from physim_drake.scenes.views import (
@@ -36,6 +33,9 @@ from physim_drake.scenes.views import (
     make_vivid_renderer,
     render_view,
 )
+from physim_drake.sensors.color_noise import ColorNoise
+from physim_drake.sensors.depth_noise import DepthNoise
+from physim_drake.storage.files import fill_folder, reading
 
 FACTS_FILE = "scene_facts.json"
 MODELS_FOLDER = "drake_models"

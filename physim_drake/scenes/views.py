@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from physim_drake.camera_presets import PRESETS, CameraName, CameraPreset
-from physim_drake.color_noise import ColorNoise, expose
 from physim_drake.datasets.bop import mask_bounds
-from physim_drake.depth_noise import DepthNoise, measure_depth
-from physim_drake.objects import ObjectModel
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.objects.containers import Container, load_container
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.rendering.scene import Prop, SceneRenderer
 from physim_drake.rendering.vivid import draw_appearance
 from physim_drake.scenes.clutter import draw_distractors, draw_room
-from physim_drake.scenes.containers import Container, load_container
 from physim_drake.scenes.generation import GeneratedScene
+from physim_drake.sensors.color_noise import ColorNoise, expose
+from physim_drake.sensors.depth_noise import DepthNoise, measure_depth
+from physim_drake.sensors.presets import PRESETS, CameraName, CameraPreset
 
 Masks = NDArray[np.bool_]
 

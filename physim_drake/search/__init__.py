@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The search for the joint poses that explain the image."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

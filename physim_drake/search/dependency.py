@@ -19,7 +19,7 @@ import networkx as nx
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from physim_drake.observation import Segment
+from physim_drake.observation.observation import Segment
 from physim_drake.poses import Array
 
 

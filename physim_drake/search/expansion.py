@@ -12,14 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.physics.depenetration import depenetrate
 from physim_drake.physics.settling import Settled, Settler
 from physim_drake.poses import Array, rotation_angle
-from physim_drake.registration import trimmed_icp
-from physim_drake.registration_model import lookalike_turns, registration_model
+from physim_drake.registration.registration_model import (
+    lookalike_turns,
+    registration_model,
+)
+from physim_drake.registration.trimmed_icp import trimmed_icp
 from physim_drake.rendering.windows import ObjectRenderer
-from physim_drake.scene import Scene
 from physim_drake.search.dependency import dependency_graph
 from physim_drake.search.states import (
     ExpansionConfig,

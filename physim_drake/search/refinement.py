@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
 from physim_drake.compiled import compiled
-from physim_drake.objects import ObjectModel
-from physim_drake.observation import Mask
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.observation import Mask
 from physim_drake.poses import Array, exp_pose, inverse, transform_points
-from physim_drake.registration_model import registration_model
-from physim_drake.search.normal_equations import NormalEquations, geman_mcclure
+from physim_drake.registration.normal_equations import NormalEquations, geman_mcclure
+from physim_drake.registration.registration_model import registration_model
 from physim_drake.search.states import Placement, StateRenderer
 
 _DAMPING = 1e-2

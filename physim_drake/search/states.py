@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
 from physim_drake.compiled import compiled
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.physics.settling import SettleConfig
 from physim_drake.poses import Array
-from physim_drake.registration import TrimmedIcpConfig
+from physim_drake.registration.trimmed_icp import TrimmedIcpConfig
 from physim_drake.rendering.windows import DepthWindow, ObjectRenderer, paste
-from physim_drake.scene import Scene
 
 Placement = Mapping[int, Array]
 """X_SO (4, 4) of the placed objects, by their index in the scene."""

@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from physim_drake.poses import Array
+from physim_drake.scene_estimate import SearchTrace
 from physim_drake.search.expansion import Rollout, RolloutResult
 
 RunRollouts = Callable[[Sequence[Rollout]], list[RolloutResult]]
@@ -99,6 +100,13 @@ class SearchResult:
     states: tuple[ScoredState, ...]
     trace: tuple[TracePoint, ...]
     expansions: int
+
+    def as_trace(self, X_CS: Array) -> SearchTrace:
+        """The anytime curve with poses in the camera; X_CS as in `Scene`, (4, 4)."""
+        points = tuple(
+            (p.expansion, p.seconds, p.score, X_CS @ p.poses) for p in self.trace
+        )
+        return SearchTrace(self.order, points, self.expansions)
 
 
 @dataclass

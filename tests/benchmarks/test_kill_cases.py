@@ -10,7 +10,7 @@ import pytest
 from safetensors.numpy import save
 
 from benchmarks.kill_cases import NAMES, contents, few_models, make_cases
-from physim_drake.library_files import find_objects
+from physim_drake.objects.library_files import find_objects
 
 
 def same(write: Callable[[Path, int], object], folder: Path) -> bool:

@@ -10,7 +10,7 @@ from load import Sample, _proportional_mb, fill_library, repeat_example, summari
 
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.detections import load_detections
-from physim_drake.library_files import find_objects
+from physim_drake.objects.library_files import find_objects
 
 
 def test_the_repeated_example_is_a_dataset(tmp_path: Path) -> None:

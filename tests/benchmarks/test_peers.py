@@ -15,7 +15,7 @@ from benchmarks.peers.drawn_segments import drawn_cases
 from benchmarks.peers.installed import HOW, PACKAGES, installed, missing
 from benchmarks.peers.refinement import Refiner, ours, peers
 from physim_drake.poses import is_rotation
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 from tests import synthetic
 
 

@@ -12,9 +12,9 @@ import torch
 
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.detections import load_detections
-from physim_drake.detection.config import NetworkKind
-from physim_drake.detection.networks import ObjectClass, make_network
-from physim_drake.detection.weights import save_weights
+from physim_drake.detection.networks.config import NetworkKind
+from physim_drake.detection.networks.factory import ObjectClass, make_network
+from physim_drake.detection.networks.weights import save_weights
 from physim_drake.models import APC11
 from tests.datasets.tiny import HEIGHT, WIDTH, write_tiny
 from tests.detection.scenes import tiny

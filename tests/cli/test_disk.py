@@ -18,14 +18,14 @@ from typing import Any
 
 import pytest
 
-import physim_drake.systems.exploration as exploration
+import physim_drake.self_learning.exploration as exploration
 from physim_drake.cli import main
 from physim_drake.datasets.results import read_results
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.networks import classes_of
+from physim_drake.detection.networks.factory import classes_of
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.scenes.dataset import SceneMaker
 from tests.cli.estimating import BOTTLE, SCENE, two_images, without_time
 from tests.cli.test_detect import write_weights_of

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 from typer.testing import CliRunner
 
-from physim_drake import installation
 from physim_drake.cli import app
-from physim_drake.installation import Check, Status
+from physim_drake.doctor import checks as installation
+from physim_drake.doctor.checks import Check, Status
 
 OK = Check("memory", Status.OK, "8.0 GiB available")
 WARNING = Check("cores", Status.WARNING, "1", "use more")

@@ -9,17 +9,17 @@ import cv2
 import numpy as np
 import pytest
 
-from physim_drake.batch import choose_images
+from physim_drake.batch.images import choose_images
 from physim_drake.cli.estimate import MethodName
 from physim_drake.datasets.bop import BopDataset, Target
 from physim_drake.datasets.results import read_results
 from physim_drake.errors import InputError
-from physim_drake.estimation import Method
-from physim_drake.estimation_config import LEAST_CONFIDENCE
+from physim_drake.estimation.config import LEAST_CONFIDENCE
+from physim_drake.estimation.estimator import Method
 from physim_drake.evaluation.evaluate import evaluate_results
-from physim_drake.evaluation.pose_errors import pose_error
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.pose_errors import pose_error
 from tests.cli.estimating import (
     BOTTLE,
     SCENE,

@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 import torch
 
-from physim_drake import batch
+from physim_drake.batch import images as batch
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.results import read_results
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.networks import ObjectClass, classes_of
+from physim_drake.detection.networks.factory import ObjectClass, classes_of
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection
 from tests.cli.estimating import (
     BOTTLE,
     SCENE,

@@ -9,12 +9,12 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
-import physim_drake.systems.exploration as exploration
-from physim_drake.camera_presets import CameraName
+import physim_drake.self_learning.exploration as exploration
 from physim_drake.cli import app
-from physim_drake.detection.networks import classes_of
-from physim_drake.detection.self_learning import LabelledScene
+from physim_drake.detection.networks.factory import classes_of
 from physim_drake.errors import InputError
+from physim_drake.self_learning.labels import LabelledScene
+from physim_drake.sensors.presets import CameraName
 from tests.cli.test_detect import write_weights, write_weights_of
 from tests.synthetic import library
 

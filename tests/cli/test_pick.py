@@ -14,10 +14,10 @@ import torch
 
 from physim_drake.cli import main
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.networks import ObjectClass
+from physim_drake.detection.networks.factory import ObjectClass
+from physim_drake.episodes.runner import EpisodeRunner
 from physim_drake.errors import InputError
 from physim_drake.systems import perception_config
-from physim_drake.systems.episodes import EpisodeRunner
 from tests.cli.test_detect import write_weights_of
 
 ONE = """

@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physim_drake import batch
+from physim_drake.batch import images as batch
 from physim_drake.cli import main
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.networks import classes_of
+from physim_drake.detection.networks.factory import classes_of
 from physim_drake.errors import InputError
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.estimation import PoseEstimator
+from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.reporting.study import HypothesisQuality, Study
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from tests.cli.test_detect import write_weights_of
 
 SCENE = Path(__file__).parents[2] / "examples" / "data" / "tabletop"

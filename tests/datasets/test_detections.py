@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from pycocotools import mask as coco
 
-from physim_drake.batch import detection_lookup
+from physim_drake.batch.images import detection_lookup
 from physim_drake.datasets.bop import BopDataset, Target
 from physim_drake.datasets.detections import load_detections, warn_of_left_out
-from physim_drake.datasets.json_nodes import JsonNode
 from physim_drake.datasets.rle import decode_runs, read_runs
 from physim_drake.errors import InputError, PhysimError
+from physim_drake.storage.json_nodes import JsonNode
 from tests.datasets.tiny import (
     HEIGHT,
     WIDTH,

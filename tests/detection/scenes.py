@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.datasets.bop import mask_bounds
-from physim_drake.detection.augmentation import Sample, make_sample
-from physim_drake.detection.config import NetworkConfig, NetworkKind
-from physim_drake.detection.networks import ObjectClass
-from physim_drake.detection.training_images import LabelledImage
-from physim_drake.observation import Detection
+from physim_drake.detection.networks.config import NetworkConfig, NetworkKind
+from physim_drake.detection.networks.factory import ObjectClass
+from physim_drake.detection.training.augmentation import Sample, make_sample
+from physim_drake.detection.training.packed_images import LabelledImage
+from physim_drake.observation.observation import Detection
 
 CLASSES = (ObjectClass(2, "red square"), ObjectClass(5, "green disc"))
 LABELS = {2: 1, 5: 2}

@@ -14,10 +14,10 @@ import pytest
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.evaluation.pose_errors import add, mssd, symmetry_samples
 from physim_drake.evaluation.visible_surface import SceneDistances, vsd
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.pose_errors import add, mssd, symmetry_samples
 from physim_drake.poses import Array
 from physim_drake.rendering.depth import DepthRenderer
 from tests.synthetic import perturbed

@@ -18,7 +18,7 @@ from physim_drake.datasets.results import ResultRow, read_results
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.errors import InputError
 from physim_drake.evaluation.evaluate import evaluate_results
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.poses import Array, SymmetryGroup, exp_pose, make_pose
 from tests.datasets.tiny import write_json, write_tiny
 

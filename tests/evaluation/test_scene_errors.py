@@ -4,10 +4,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.evaluation.scene_errors import TruePose, object_errors
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.poses import Array, exp_pose, make_pose
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from tests.synthetic import BALL, ERASER, SOAP, library
 
 SURFACE = SupportSurface(np.eye(4), np.eye(4))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.estimation import EstimationConfig, Method
+from physim_drake.estimation.estimator import EstimationConfig, Method
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 
 FOLDER = Path(__file__).parents[2] / "examples"
 

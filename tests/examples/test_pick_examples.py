@@ -10,13 +10,13 @@ import pytest
 
 from physim_drake.models import APC11
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
+from physim_drake.picking.initial_scene import check_objects
 from physim_drake.picking.scenario import (
     DetectorName,
     ObjectsConfig,
     PickScenario,
     load_scenario,
 )
-from physim_drake.picking.start import check_objects
 from physim_drake.picking.task_state import EventKind
 from tests.examples.test_examples import FOLDER, load
 from tests.picking.scenes import estimate_of

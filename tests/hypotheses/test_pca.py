@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from physim_drake.hypotheses.pca import pca_poses
-from physim_drake.observation import Detection, Segment
+from physim_drake.observation.observation import Detection, Segment
 from physim_drake.poses import (
     Array,
     is_rotation,

@@ -23,8 +23,8 @@ from physim_drake.poses import (
     rotation_angle,
     transform_points,
 )
-from physim_drake.registration import lcp_scores
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
+from physim_drake.registration.trimmed_icp import lcp_scores
 from tests.synthetic import GLUE, l_shape, library, pair_apart, synthesize
 
 X_SO = make_pose(

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from physim_drake.hypotheses.visibility import visibility
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array, make_pose
-from physim_drake.registration_model import registration_model
-from physim_drake.scene import Scene
+from physim_drake.registration.registration_model import registration_model
 from tests.synthetic import (
     BOOK,
     GLUE,

@@ -18,11 +18,11 @@ from pydrake.multibody.plant import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from physim_drake.library_files import find_objects
 from physim_drake.models import APC11, DETECTOR
 from physim_drake.models.apc11_objects import all_objects
 from physim_drake.models.make_apc11 import make_models
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.library_files import find_objects
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
 
 EXTENTS = {
     "crayola_24_ct": (0.022, 0.095, 0.071),

@@ -4,10 +4,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.physics.depenetration import depenetrate
 from physim_drake.poses import Array, inverse, make_pose, transform_points
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 from tests.synthetic import BALL, SOAP, TISSUES, library, resting, turned
 
 FLAT = turned("yz", 90, 40)

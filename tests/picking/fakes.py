@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.arm_planner import PickPlan
 from physim_drake.picking.planner_config import HeldObject, PlanFailure
 from physim_drake.picking.policy import PickCandidate, PickConditions
@@ -18,6 +17,7 @@ from physim_drake.picking.task import PickTask
 from physim_drake.picking.tote import Tote
 from physim_drake.picking.trajectories import ArmTrajectory
 from physim_drake.poses import Array, make_pose
+from physim_drake.scene_estimate import SceneEstimate
 from tests.synthetic import ERASER, SOAP, library
 
 CONFIG = TaskConfig(planning_time=0.1, settle_time=0.1, max_views=2, tries=2)

@@ -18,13 +18,13 @@ from pydrake.multibody.parsing import (
 )
 from pydrake.planning import RobotDiagramBuilder
 
-from physim_drake.drake_export import write_drake_model
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.models import PACKAGE_XML
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.objects.sdformat import write_drake_model
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.picking.planner_config import ArmPlannerConfig, HeldObject
 from physim_drake.poses import Array, make_pose
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from tests import synthetic
 
 TABLE_HEIGHT = 0.75

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.poses import Array, make_pose
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from tests.synthetic import Objects, library
 
 

@@ -14,7 +14,7 @@ from pydrake.multibody.parsing import AddModel, ModelDirective
 
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.arm_planner import ArmPlanner, PickPlan, drop_pose
 from physim_drake.picking.planner_config import (
     ArmPlannerConfig,

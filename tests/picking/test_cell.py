@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from pydrake.multibody.parsing import LoadModelDirectivesFromString
 
-from physim_drake.camera_presets import CameraName
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
 from physim_drake.picking.cell import (
@@ -23,6 +22,7 @@ from physim_drake.picking.scenario import (
     RegionConfig,
     ViewpointConfig,
 )
+from physim_drake.sensors.presets import CameraName
 
 SOAP = ObjectsConfig(str(APC11), ("dove_beauty_bar",), (1, 1), (1,))
 SCENARIO = PickScenario(objects=SOAP)

@@ -8,8 +8,8 @@ from itertools import chain, pairwise
 import numpy as np
 import pytest
 
-from physim_drake.estimate import SceneEstimate
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.containers import ContainerName, load_container
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.policy import (
     LookAgain,
     PickCandidate,
@@ -29,7 +29,7 @@ from physim_drake.picking.surroundings import (
     tool_clearance,
 )
 from physim_drake.poses import inverse, make_pose, transform_points
-from physim_drake.scenes.containers import ContainerName, load_container
+from physim_drake.scene_estimate import SceneEstimate
 from tests.picking.scenes import estimate_of, lifted
 from tests.synthetic import (
     BALL,

@@ -7,12 +7,12 @@ import pytest
 
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
+from physim_drake.objects.containers import ContainerName
 from physim_drake.picking.scenario import (
     PickScenario,
     ViewpointConfig,
     load_scenario,
 )
-from physim_drake.scenes.containers import ContainerName
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scenarios"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.picking.lip_rays import surface_heights
 from physim_drake.picking.suction_points import SuctionCup, suction_points
 from physim_drake.poses import SymmetryGroup

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.task_state import EventKind, Phase, TaskInputs, TaskState
 from physim_drake.poses import Array, make_pose
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from tests.picking.fakes import CONFIG, ON_TABLE, FakePlanner, make_task, motion
 from tests.picking.scenes import estimate_of
 from tests.synthetic import BALL, ERASER, SOAP, library

@@ -10,13 +10,13 @@ import trimesh
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.errors import InputError
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.objects import ObjectModel
-from physim_drake.observation import RgbdObservation
+from physim_drake.objects.model import ObjectModel
+from physim_drake.observation.observation import RgbdObservation
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.poses import make_pose
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import draw_overlay, write_png
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 
 CAMERA = CameraIntrinsics(320, 240, 300.0, 300.0, 159.5, 119.5)
 X_CO = make_pose(p=[0.0, 0.0, 0.5])

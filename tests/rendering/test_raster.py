@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
-from physim_drake.objects import ObjectModel
+from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, SymmetryGroup, make_pose
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.raster import DepthRasterizer

@@ -8,15 +8,15 @@ import pytest
 from pydrake.geometry import Box
 
 from physim_drake.camera import CameraIntrinsics
-from physim_drake.drake_export import write_drake_model
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.containers import ContainerName, load_container
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.objects.sdformat import write_drake_model
 from physim_drake.poses import inverse, make_pose
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.scene import Prop, SceneRenderer
-from physim_drake.scenes.containers import ContainerName, load_container
 from tests.disks import room_for
 
 K = CameraIntrinsics(320, 240, 300.0, 300.0, 158.0, 121.0)

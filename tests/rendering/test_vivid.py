@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from physim_drake.objects.containers import ContainerName, load_container
 from physim_drake.rendering.vivid import (
     draw_appearance,
     draw_print,
     draw_texture,
     draw_tint,
 )
-from physim_drake.scenes.containers import ContainerName, load_container
 
 
 @given(seed=st.integers(0, 10_000))

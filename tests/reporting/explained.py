@@ -9,11 +9,11 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from physim_drake.batch import detection_lookup
+from physim_drake.batch.images import detection_lookup
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.estimation import EstimationConfig
+from physim_drake.estimation.estimator import EstimationConfig
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.reporting.explanation import Explanation, explain_image
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "data" / "tabletop"

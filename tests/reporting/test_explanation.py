@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physim_drake.batch import detection_lookup
+from physim_drake.batch.images import detection_lookup
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose
 from physim_drake.errors import InputError
-from physim_drake.estimation import EstimationConfig, Method, PoseEstimator
-from physim_drake.observation import Detection
+from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
+from physim_drake.observation.observation import Detection
 from physim_drake.poses import make_pose
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import (

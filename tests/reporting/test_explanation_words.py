@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physim_drake.poses import Array, make_pose
-from physim_drake.registration_model import lookalike_turns
+from physim_drake.registration.registration_model import lookalike_turns
 from physim_drake.reporting.explanation import Explanation, Shares
 from physim_drake.reporting.explanation_words import (
     diagnosis,

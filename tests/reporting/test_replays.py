@@ -6,8 +6,8 @@ import re
 
 from pydrake.geometry import Box, Meshcat, Rgba, Sphere
 
+from physim_drake.episodes.runner import local_meshcat
 from physim_drake.reporting.replays import replay_page
-from physim_drake.systems.episodes import local_meshcat
 
 _DATA = re.compile(r"data:application/octet-binary;base64,([A-Za-z0-9+/=]+)")
 

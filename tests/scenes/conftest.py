@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.scenes.dataset import generate_dataset
 from physim_drake.scenes.recording import DatasetConfig
 

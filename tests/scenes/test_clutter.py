@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.scenes.clutter import draw_distractors, draw_room
 from physim_drake.scenes.generation import write_models
 from physim_drake.scenes.recording import DatasetConfig, SceneRecord, record_scene

@@ -25,7 +25,7 @@ from physim_drake.datasets import bop_writer
 from physim_drake.datasets.bop import BopDataset, mask_bounds
 from physim_drake.datasets.detections import load_detections
 from physim_drake.errors import InputError
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.poses import transform_points
 from physim_drake.scenes.dataset import SceneMaker, generate_dataset
 from tests.scenes.conftest import CONFIG, SCENES

@@ -10,12 +10,12 @@ import pytest
 import trimesh
 
 from physim_drake.errors import InputError, PhysimError
-from physim_drake.objects import ObjectLibrary, ObjectModel
+from physim_drake.objects.containers import ContainerName, load_container
+from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.poses import inverse, is_rotation, transform_points
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 from physim_drake.scenes.config import RestLimits, SceneConfig
 from physim_drake.scenes.contact_graph import interaction_levels, largest_group
-from physim_drake.scenes.containers import ContainerName, load_container
 from physim_drake.scenes.generation import (
     GeneratedScene,
     check_scene_config,

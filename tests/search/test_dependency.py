@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physim_drake.observation import Detection, Segment
+from physim_drake.observation.observation import Detection, Segment
 from physim_drake.poses import make_pose
 from physim_drake.search.dependency import dependency_graph
 

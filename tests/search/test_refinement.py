@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physim_drake.poses import Array, inverse, make_pose, transform_points
-from physim_drake.registration_model import registration_model
+from physim_drake.registration.registration_model import registration_model
 from physim_drake.search.refinement import JointRefiner, RefinementConfig
 from physim_drake.search.states import StateRenderer
 from tests.synthetic import (

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
-from physim_drake.observation import Detection, Segment
+from physim_drake.observation.observation import Detection, Segment
+from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.windows import DepthWindow, crop
-from physim_drake.scene import Scene
 from physim_drake.search.states import StateRenderer, composite
 
 CAMERA = CameraIntrinsics(4, 2, 10.0, 10.0, 1.5, 0.5)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from itertools import count, product
@@ -15,6 +16,7 @@ from physim_drake.search.tree import (
     RunRollouts,
     SearchConfig,
     SearchResult,
+    TracePoint,
     heuristic_search,
     monte_carlo_tree_search,
 )
@@ -305,3 +307,16 @@ def test_the_state_that_stands_least_in_the_air_is_kept_too() -> None:
     search = GroupSearch((3,), hypotheses()[:1], run, config)
     result = monte_carlo_tree_search(search, np.random.default_rng(0))
     assert [state.hypotheses for state in result.states] == [(5,), (4,), (0,)]
+
+
+def test_the_trace_is_in_the_camera_and_fits_json() -> None:
+    X_CS, X_SO = make_pose(p=[0.1, 0.2, 0.9]), make_pose(p=[0.3, 0.0, 0.1])
+    result = SearchResult((1, 0), (), (TracePoint(3, 0.5, 700, X_SO[None]),), 42)
+    trace = result.as_trace(X_CS)
+    assert trace.expansions == 42
+    ((expansion, seconds, score, X_CO),) = trace.points
+    assert (expansion, seconds, score) == (3, 0.5, 700)
+    np.testing.assert_allclose(X_CO[0], X_CS @ X_SO)
+    loaded = json.loads(json.dumps(trace.as_dict()))
+    np.testing.assert_allclose(loaded["points"][0]["X_CO"], X_CO)
+    assert loaded["expansions"] == 42

@@ -37,8 +37,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from physim_drake.poses import Array
-from physim_drake.suction import SuctionConfig
-from physim_drake.suction_contact import add_cup_geometry
+from physim_drake.suction.contact import add_cup_geometry
+from physim_drake.suction.cup import SuctionConfig
 from physim_drake.systems.suction_gripper import SuctionGripper
 
 WRIST_TO_LIP = 0.1

@@ -13,8 +13,8 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.models import APC11
+from physim_drake.objects.containers import ContainerName, load_container
 from physim_drake.poses import Array
-from physim_drake.scenes.containers import ContainerName, load_container
 from tests.synthetic import ERASER, SOAP, look_at, resting, turned
 
 X_WC = look_at([0.05, -0.45, 0.55], [0.0, 0.0, 0.02])

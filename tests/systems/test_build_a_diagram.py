@@ -14,15 +14,15 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.surface import SupportSurface
+from physim_drake.observation.support_surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
+from physim_drake.storage.typed_yaml import parse_typed_yaml
 from physim_drake.systems import (
     AddPerceptionDiagram,
     OracleDetectorConfig,
     PerceptionConfig,
     Stamped,
 )
-from physim_drake.typed_yaml import parse_typed_yaml
 from tests.systems.looks import build, shown
 from tests.test_docs import ROOT, blocks
 

@@ -11,9 +11,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I, ImageRgba8U
 
-from physim_drake.camera_presets import PRESETS, CameraName
 from physim_drake.errors import InputError
-from physim_drake.observation import RgbdObservation
+from physim_drake.observation.observation import RgbdObservation
+from physim_drake.sensors.presets import PRESETS, CameraName
 from physim_drake.systems.camera_source import CameraSource, CameraSourceConfig
 from tests.systems.looks import Clock, shown
 

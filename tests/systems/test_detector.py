@@ -9,9 +9,9 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from physim_drake.camera import CameraIntrinsics
-from physim_drake.detection.choosing import ChoiceConfig
 from physim_drake.errors import InputError
-from physim_drake.observation import Detection, RgbdObservation
+from physim_drake.observation.detection_selection import ChoiceConfig
+from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.systems.detector import (
     Detector,
     DetectorConfig,

@@ -10,8 +10,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from physim_drake.errors import InputError
-from physim_drake.estimate import SceneEstimate
 from physim_drake.hypotheses.generation import PoseHypotheses
+from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.hypothesis_generator import (
     HypothesisGenerator,
     SceneHypotheses,

@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Page
 from pydrake.geometry import Meshcat
 
+from physim_drake.episodes.runner import EpisodeRunner, local_meshcat
 from physim_drake.picking.scenario import DetectorName, load_scenario
-from physim_drake.systems.episodes import EpisodeRunner, local_meshcat
 from physim_drake.systems.pick_cell import PickCellParts
 from tests.browser import needs_chromium, opened, screenshot, visible_paths
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from physim_drake.systems.episodes import local_meshcat
+from physim_drake.episodes.runner import local_meshcat
 
 ROOT = Path(__file__).resolve().parents[2]
 LISTENING = "0A"

@@ -20,17 +20,17 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.networks import ObjectClass
+from physim_drake.detection.networks.factory import ObjectClass
 from physim_drake.errors import InputError
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.estimation import Method
+from physim_drake.estimation.estimator import Method
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.objects import ObjectLibrary
-from physim_drake.observation import Detection
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection
+from physim_drake.observation.segmented_scene import prepare_scene
+from physim_drake.observation.support_surface import surface_at_height
 from physim_drake.poses import Array, inverse
 from physim_drake.rendering.depth import DepthRenderer
-from physim_drake.scene import prepare_scene
-from physim_drake.surface import surface_at_height
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from physim_drake.systems.perception import AddPerceptionDiagram, PerceptionDiagram
 from physim_drake.systems.perception_config import (
     EstimatorConfig,

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physim_drake.camera_presets import CameraName
 from physim_drake.errors import InputError
-from physim_drake.estimation import EstimationConfig, Method
+from physim_drake.estimation.estimator import EstimationConfig, Method
+from physim_drake.sensors.presets import CameraName
 from physim_drake.systems.perception_config import (
     EstimatorConfig,
     NetworkDetectorConfig,

@@ -12,15 +12,15 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from physim_drake.models import APC11
-from physim_drake.objects import ObjectLibrary
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.cell import PickCellGeometry, cell_geometry, load_objects
+from physim_drake.picking.initial_scene import PlacedModel
 from physim_drake.picking.scenario import (
     DetectorName,
     LookConfig,
     ObjectsConfig,
     PickScenario,
 )
-from physim_drake.picking.start import PlacedModel
 from physim_drake.poses import make_pose
 from physim_drake.scenes.generation import write_models
 from physim_drake.systems.pick_cell import PickCell, perception_config

@@ -9,10 +9,10 @@ import pytest
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
-from physim_drake.observation import RgbdObservation
+from physim_drake.observation.observation import RgbdObservation
 from physim_drake.poses import inverse
 from physim_drake.rendering.meshcat import confidence_color, draw_cloud
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from physim_drake.systems.pose_visualizer import PoseVisualizer, PoseVisualizerConfig
 from physim_drake.systems.stamped import Stamped
 from tests.synthetic import GLUE, SOAP, SyntheticScene, library, pair_apart, synthesize

@@ -17,8 +17,8 @@ from pydrake.systems.framework import DiagramBuilder
 from physim_drake import models
 from physim_drake.errors import InputError
 from physim_drake.poses import rotation_angle
-from physim_drake.suction import SuctionConfig
-from physim_drake.suction_contact import add_cup_geometry
+from physim_drake.suction.contact import add_cup_geometry
+from physim_drake.suction.cup import SuctionConfig
 from physim_drake.systems.suction_gripper import SuctionGripper
 from tests.systems.gantry import Gantry, contact
 

@@ -12,9 +12,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
-from physim_drake.estimate import ObjectEstimate, SceneEstimate
+from physim_drake.observation.support_surface import SupportSurface
 from physim_drake.poses import Array, make_pose
-from physim_drake.surface import SupportSurface
+from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate
 from physim_drake.systems.ground_truth import GroundTruthPoses
 from physim_drake.systems.object_instances import ObjectInstance
 from physim_drake.systems.pose_error_monitor import LookErrors, PoseErrorMonitor

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""Estimating on a Ray cluster: many scenes at once, each on one processor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+from physim_drake.closing import Closing
+from physim_drake.errors import InputError
+from physim_drake.estimation.estimator import EstimationConfig, PoseEstimator, Request
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection, RgbdObservation
+from physim_drake.parallel.engine import Engine
+from physim_drake.parallel.ray_pool import RayPool, in_order
+from physim_drake.scene_estimate import SceneEstimate
+
+
+class RayEstimator(Closing):
+    """Estimates scenes on the machines of a Ray cluster, one on each processor.
+
+    Args:
+        library: see `PoseEstimator`.
+        config: see `PoseEstimator`; its number of workers is not used.
+    """
+
+    def __init__(self, library: ObjectLibrary, config: EstimationConfig) -> None:
+        alone = replace(config, workers=1)
+        self._pool = RayPool(partial(_RemoteEstimator, library, alone))
+
+    def estimate_all(self, requests: Iterable[Request]) -> Iterator[SceneEstimate]:
+        """Estimates many scenes at once; gives them in the order of the requests."""
+        for answer in in_order(self._pool.stream("estimate", requests)):
+            if isinstance(answer, InputError):
+                raise answer
+            yield answer
+
+    def close(self) -> None:
+        """Gives up the processes."""
+        self._pool.close()
+
+
+class _RemoteEstimator:
+    """A `PoseEstimator` in a process of a cluster."""
+
+    def __init__(self, library: ObjectLibrary, config: EstimationConfig) -> None:
+        self._estimator = PoseEstimator(library, config)
+
+    def estimate(
+        self,
+        observation: RgbdObservation,
+        detections: Sequence[Detection],
+        surface_height: float | None,
+    ) -> SceneEstimate | InputError:
+        """An error is an answer, too: those to earlier requests come before it."""
+        try:
+            return self._estimator.estimate(observation, detections, surface_height)
+        except InputError as error:
+            return error
+
+
+Estimator = PoseEstimator | RayEstimator
+
+
+def make_estimator(
+    engine: Engine, library: ObjectLibrary, config: EstimationConfig
+) -> Estimator:
+    """What estimates scenes there.
+
+    Raises:
+        InputError: where the engine is Ray and that is not installed, or its cluster
+            does not answer.
+    """
+    if engine is Engine.RAY:
+        return RayEstimator(library, config)
+    return PoseEstimator(library, config)

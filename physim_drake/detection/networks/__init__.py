@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Faster R-CNN and FCN in plain torch, and their weights."""

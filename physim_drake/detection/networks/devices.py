@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""Where networks run, and how precisely.
+
+On import order: torch, pydrake, Open3D and CoACD each bring runtimes of their own. Of
+their 24 orders those fail, and all of them, in which CoACD is the first: it then breaks
+pydrake's casts. `objects/convex_pieces.py` therefore imports it late, torch may
+come at any time. (torch 2.13, pydrake 1.51, Open3D 0.19, CoACD 1.0.14.)
+"""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from enum import StrEnum
+from pathlib import Path
+
+import torch
+
+from physim_drake.errors import InputError
+
+_CPU_FACTS = Path("/proc/cpuinfo")
+
+
+class DeviceName(StrEnum):
+    """Kinds of devices."""
+
+    AUTO = "auto"
+    CPU = "cpu"
+    CUDA = "cuda"
+    MPS = "mps"
+
+
+def choose_device(name: DeviceName = DeviceName.AUTO) -> torch.device:
+    """The device of this name, or the best there is.
+
+    Raises:
+        InputError: where there is none of this kind.
+    """
+    there = {
+        DeviceName.CUDA: torch.cuda.is_available(),
+        DeviceName.MPS: torch.backends.mps.is_available(),
+        DeviceName.CPU: True,
+    }
+    if name is DeviceName.AUTO:
+        return torch.device(next(str(kind) for kind, found in there.items() if found))
+    if not there[name]:
+        raise InputError("--device", f"is {name}, which is not here", "give cpu")
+    return torch.device(str(name))
+
+
+def has_fast_bfloat16(device: torch.device) -> bool:
+    """Whether a device multiplies numbers of 16 bits faster than those of 32.
+
+    Of CPUs those with tile instructions (AMX) are six times as fast; elsewhere the
+    conversions cost what is gained.
+    """
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported())
+    if device.type == "cpu" and _CPU_FACTS.exists():
+        return "amx_bf16" in _CPU_FACTS.read_text(errors="replace")
+    return False
+
+
+def mixed_precision(
+    device: torch.device, wanted: bool
+) -> AbstractContextManager[object]:
+    """Within it, convolutions and products are done with 16 bits where wanted."""
+    return torch.autocast(device.type, torch.bfloat16, enabled=wanted)

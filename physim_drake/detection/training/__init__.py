@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Training detectors on generated scenes."""

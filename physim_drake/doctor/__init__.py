@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Whether this installation works, and what to do if not."""

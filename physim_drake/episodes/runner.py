@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: MIT
+"""Runs episodes of a pick cell and judges them by the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context
+
+from physim_drake.closing import Closing
+from physim_drake.episodes.result import (
+    EpisodeResult,
+    LookOutcome,
+    ObjectOutcome,
+    reason_left,
+)
+from physim_drake.estimation.estimator import PoseEstimator
+from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
+from physim_drake.picking.initial_scene import PlacedModel, check_objects, draw_start
+from physim_drake.picking.scenario import PickScenario
+from physim_drake.picking.task_state import EventKind, Phase, TaskState
+from physim_drake.poses import Array
+from physim_drake.scenes.generation import write_models
+from physim_drake.storage.scratch import ScratchFolder
+from physim_drake.systems.pick_cell import (
+    PickCell,
+    PickCellParts,
+    cell_network,
+    perception_config,
+)
+
+_STEP = 0.1  # s, between looks at how far the task is
+_AFTERWARDS = 1.0  # s, for what was let go last to come to rest
+# Meshcat looks over the table's far corner at arm and objects; m, from the pick area.
+_VIEW_FROM, _VIEW_OF = np.array([0.9, -0.8, 0.75]), np.array([-0.15, 0.1, 0.15])
+_FALLEN = 0.05  # m below the pick area
+_PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place", "plan_line")
+
+
+class EpisodeRunner(Closing):
+    """Runs episodes; keeps planner and estimator warm from one to the next.
+
+    Args:
+        scenario: the cell and its task.
+        parts: what replaces the usual parts of each cell.
+
+    Raises:
+        InputError: where the scenario cannot work; see `check_cell`, `cell_network`.
+
+    Use it as a context manager, or call `close`.
+    """
+
+    def __init__(
+        self,
+        scenario: PickScenario,
+        parts: PickCellParts = PickCellParts(),  # noqa: B008 (frozen)
+    ) -> None:
+        self.scenario = scenario
+        self.library = load_objects(scenario)
+        check_objects(scenario, self.library)
+        self.geometry = cell_geometry(scenario, self.library)
+        check_cell(scenario, self.geometry)
+        if parts.detector is None:  # read once, not for every episode
+            parts = replace(parts, detector=cell_network(scenario, self.library))
+        self._folder = ScratchFolder()
+        self._files = write_models(self.library, self._folder.path)
+        self._own_estimator: PoseEstimator | None = None
+        if parts.estimator is None:
+            config = perception_config(scenario, self.geometry, scenario.random_seed)
+            self._own_estimator = PoseEstimator(
+                self.library, config.estimator.estimation
+            )
+            parts = replace(parts, estimator=self._own_estimator)
+        self._parts, self._watch = parts, Stopwatch()
+        self._watch.time_calls(self.geometry.planner, _PLANNER_CALLS, "planning")
+        self._watch.time_calls(
+            parts.estimator, ("hypotheses", "estimate"), "estimation"
+        )
+
+    def run(
+        self,
+        episode: int,
+        on_step: Callable[[PickCell, Context], None] = lambda _cell, _context: None,
+    ) -> EpisodeResult:
+        """Runs one episode; its number and the scenario decide everything in it.
+
+        Args:
+            episode: number, from 0.
+            on_step: is shown the cell and its context every 0.1 s of simulated time.
+
+        Raises:
+            InputError: where no start of the episode can be drawn.
+        """
+        watch = self._watch
+        watch.restart()
+        start = draw_start(
+            self.scenario, self.library, self._files, self.geometry.X_WA, episode
+        )
+        cell = PickCell(
+            self.scenario,
+            self.geometry,
+            self.library,
+            start,
+            _seed(self.scenario.random_seed, episode),
+            self._parts,
+        )
+        camera = cell.perception.GetSubsystemByName("camera")
+        watch.time_calls(camera, ("capture",), "rendering")
+        watch.lap("set-up")
+        judge = _Judge(cell)
+        with self._recorded():
+            state = self._simulate(cell, judge, on_step)
+        watch.lap("simulation")
+        in_tote = self.geometry.tote.holds
+        return EpisodeResult(
+            episode,
+            _outcomes(cell, start, state, judge.truth(), in_tote),
+            judge.looks(self._on_table),
+            state.log,
+            judge.time,
+            watch.seconds,
+        )
+
+    @contextmanager
+    def _recorded(self) -> Iterator[None]:
+        """Makes a replay, where there is a Meshcat, of what happens meanwhile."""
+        meshcat = self._parts.meshcat
+        if meshcat is None:
+            yield
+            return
+        middle = self.geometry.X_WA[:3, 3]
+        meshcat.SetCameraPose(middle + _VIEW_FROM, middle + _VIEW_OF)
+        meshcat.StartRecording(set_visualizations_while_recording=True)
+        yield
+        meshcat.StopRecording()
+        meshcat.PublishRecording()
+
+    def _simulate(
+        self,
+        cell: PickCell,
+        judge: _Judge,
+        on_step: Callable[[PickCell, Context], None],
+    ) -> TaskState:
+        """Runs the task to its end; returns what it knows then."""
+        simulator = Simulator(cell.diagram)
+        context = simulator.get_mutable_context()
+        judge.watch(context)
+        end = self.scenario.max_duration
+        try:
+            simulator.Initialize()
+            while judge.time < end:
+                simulator.AdvanceTo(judge.time + _STEP)
+                judge.take_down()
+                on_step(cell, context)
+                if judge.state.phase is Phase.DONE:
+                    simulator.AdvanceTo(judge.time + _AFTERWARDS)
+                    return judge.state
+        except RuntimeError as error:  # Drake's solver or geometry gave up
+            text = f"the simulation failed: {' '.join(str(error).split())[:200]}"
+            return judge.state.noted(judge.time, EventKind.END, text)
+        return judge.state.noted(
+            judge.time, EventKind.END, f"{end:g} s are over, the task is not"
+        )
+
+    def _on_table(self, p_WO: Array) -> bool:
+        """Whether an object at this point has yet to be picked, and can be."""
+        fallen = p_WO[2] < self.geometry.X_WA[2, 3] - _FALLEN
+        return not fallen and not self.geometry.tote.holds(p_WO)
+
+    def close(self) -> None:
+        """Ends worker processes and removes temporary files."""
+        if self._own_estimator is not None:
+            self._own_estimator.close()
+        self._folder.close()
+
+
+class Stopwatch:
+    """Wall time by stage; stages that are timed by their calls interrupt others.
+
+    Attributes:
+        seconds: by stage.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._inside = False
+        self._booked = 0.0
+        self._last = time.monotonic()
+
+    def restart(self) -> None:
+        """Forgets everything."""
+        self.seconds, self._booked, self._last = {}, 0.0, time.monotonic()
+
+    def lap(self, stage: str) -> None:
+        """Books the time since the last lap, less what calls took of it."""
+        now = time.monotonic()
+        self._book(stage, now - self._last - self._booked)
+        self._last, self._booked = now, 0.0
+
+    def time_calls(self, target: Any, names: tuple[str, ...], stage: str) -> None:
+        """Books every call of these methods of an object under `stage`."""
+        for name in names:
+            setattr(target, name, self._timed(getattr(target, name), stage))
+
+    def _timed(self, call: Callable[..., Any], stage: str) -> Callable[..., Any]:
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            """Calls, and books the time unless a call around this one does."""
+            if self._inside:
+                return call(*args, **kwargs)
+            self._inside, begin = True, time.monotonic()
+            try:
+                return call(*args, **kwargs)
+            finally:
+                self._inside = False
+                taken = time.monotonic() - begin
+                self._booked += taken
+                self._book(stage, taken)
+
+        return timed
+
+    def _book(self, stage: str, seconds: float) -> None:
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+
+
+class _Judge:
+    """Watches an episode from outside, with the truth at hand."""
+
+    def __init__(self, cell: PickCell) -> None:
+        self.cell = cell
+
+    def watch(self, context: Context) -> None:
+        """Begins with a simulator's context."""
+        self._root = context
+        self._task = self.cell.task.GetMyContextFromRoot(context)
+        self._perception = self.cell.perception.GetMyContextFromRoot(context)
+        self._truth_at: dict[int, dict[str, Array]] = {}
+
+    @property
+    def time(self) -> float:
+        """Simulated, s."""
+        return float(self._root.get_time())
+
+    @property
+    def state(self) -> TaskState:
+        """What the task knows."""
+        return self.cell.task.task_state(self._task)
+
+    def truth(self) -> dict[str, Array]:
+        """X_WO (4, 4) of every object."""
+        truth: dict[str, Array] = self._port("true_poses")
+        return truth
+
+    def take_down(self) -> None:
+        """Keeps where the objects were at the newest look."""
+        look = self._port("look_poses")
+        if look.number and look.value is not None:
+            self._truth_at[look.number] = look.value
+
+    def looks(self, on_table: Callable[[Array], bool]) -> tuple[LookOutcome, ...]:
+        """All looks, with the errors for what was on the table."""
+        outcomes = []
+        for look in self._port("pose_errors").value or ():
+            truth = self._truth_at.get(look.number, {})
+            there = {n for n, X_WO in truth.items() if on_table(X_WO[:3, 3])}
+            errors = tuple(e for e in look.objects if e.name in there)
+            outcomes.append(LookOutcome(look.number, look.time, errors, look.error))
+        return tuple(outcomes)
+
+    def _port(self, name: str) -> Any:
+        return self.cell.perception.GetOutputPort(name).Eval(self._perception)
+
+
+def _outcomes(
+    cell: PickCell,
+    start: tuple[PlacedModel, ...],
+    state: TaskState,
+    truth: dict[str, Array],
+    in_tote: Callable[[Array], bool],
+) -> tuple[ObjectOutcome, ...]:
+    outcomes = []
+    for instance, model in zip(cell.instances, start, strict=True):
+        cleared = in_tote(truth[instance.name][:3, 3])
+        reason = "" if cleared else reason_left(instance.name, state.log)
+        outcomes.append(ObjectOutcome(instance.name, model.level, cleared, reason))
+    return tuple(outcomes)
+
+
+def _seed(seed: int, episode: int) -> int:
+    return int(np.random.SeedSequence([seed, episode]).generate_state(1)[0])
+
+
+def local_meshcat(host: str = "localhost", port: int | None = None) -> Meshcat:
+    """A Meshcat server that only this computer reaches, unless told otherwise.
+
+    Args:
+        host: the address to listen at; "*" for all.
+        port: None for the first free one from 7000.
+    """
+    return Meshcat(MeshcatParams(host=host, port=port))

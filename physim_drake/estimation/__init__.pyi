@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: MIT
+from .config import EstimationConfig as EstimationConfig
+from .config import Method as Method
+from .estimator import PoseEstimator as PoseEstimator
+from .estimator import estimate_scene as estimate_scene
+from .workers import WorkerConfig as WorkerConfig
+from .workers import WorkerPool as WorkerPool

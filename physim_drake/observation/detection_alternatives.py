@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: MIT
+"""Other places for objects that a network is not sure of.
+
+In the dark, or where little of a thing shows, a network may take two things for each
+other, or one for something else. Where they are it sees all the same, if with less
+score; which is which, the depth image tells better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from physim_drake.observation.detection_selection import AssignmentConfig, are_nested
+from physim_drake.observation.observation import Detection
+
+
+@dataclass(frozen=True)
+class RivalConfig:
+    """Which other choices are worth an estimate.
+
+    Attributes:
+        unsure: only objects detected with less than this score are moved elsewhere.
+        overlap: see `AssignmentConfig`.
+        most: so many choices are tried.
+    """
+
+    unsure: float = 0.5
+    overlap: float = AssignmentConfig.overlap
+    most: int = 3
+
+
+def rival_choices(
+    detections: Sequence[Detection],
+    shape: tuple[int, int],
+    config: RivalConfig = RivalConfig(),
+) -> list[tuple[Detection, ...]]:
+    """Other detections of the same objects, the likeliest first.
+
+    In each choice one unsure object is where else the network sees it, and those that
+    were detected there are where else it sees them.
+
+    Args:
+        detections: of one image; nothing else is known of those without `instead`.
+        shape: (height, width) of the image.
+        config: which choices.
+    """
+    choices = [
+        choice
+        for k, detection in enumerate(detections)
+        if detection.score < config.unsure
+        for place in detection.instead
+        if (choice := _moved(detections, k, place, shape, config.overlap))
+    ]
+    choices.sort(key=lambda choice: -math.prod(d.score for d in choice))
+    return choices[: config.most]
+
+
+def _moved(
+    detections: Sequence[Detection],
+    index: int,
+    place: Detection,
+    shape: tuple[int, int],
+    overlap: float,
+) -> tuple[Detection, ...]:
+    """The detections with one elsewhere; none where another has nowhere to go."""
+
+    def same(one: Detection, other: Detection) -> bool:
+        return are_nested(one.pixels(*shape), other.pixels(*shape), overlap)
+
+    choice = list(detections)
+    choice[index] = place
+    for k, detection in enumerate(detections):
+        if k == index or not same(detection, place):
+            continue
+        others = [d for n, d in enumerate(choice) if n != k]
+        free = [
+            other
+            for other in detection.instead
+            if not any(same(other, taken) for taken in others)
+        ]
+        if not free:
+            return ()
+        choice[k] = free[0]
+    return tuple(choice)

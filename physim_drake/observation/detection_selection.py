@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: MIT
+"""Which of a network's detections to believe.
+
+A network looks at each class alone, so that one thing may be detected as two objects,
+and a thing may be detected as another object than it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from physim_drake.observation.observation import Detection, Mask
+
+
+@dataclass(frozen=True)
+class ChoiceConfig:
+    """What is believed.
+
+    Attributes:
+        least_score: less certain detections are dropped.
+        min_pixels: so are those of which less shows.
+        overlap: so are those that share more than this with a surer one, of the
+            pixels that both have together.
+    """
+
+    least_score: float = 0.5
+    min_pixels: int = 100
+    overlap: float = 0.6
+
+
+def choose_detections(
+    found: Iterable[Detection],
+    counts: Mapping[int, int],
+    shape: tuple[int, int],
+    config: ChoiceConfig = ChoiceConfig(),
+) -> tuple[Detection, ...]:
+    """The detections to believe, surest first.
+
+    Args:
+        found: detections in an image.
+        counts: how many there may be of each object; of others there are none.
+        shape: (height, width) of the image.
+        config: what is believed.
+    """
+    chosen: list[Detection] = []
+    taken: list[Mask] = []
+    left = dict(counts)
+    for detection in sorted(found, key=lambda d: -d.score):
+        pixels = detection.pixels(*shape)
+        if (
+            detection.score < config.least_score
+            or left.get(detection.object_id, 0) < 1
+            or np.count_nonzero(pixels) < config.min_pixels
+            or any(_shared(pixels, other) > config.overlap for other in taken)
+        ):
+            continue
+        left[detection.object_id] -= 1
+        chosen.append(detection)
+        taken.append(pixels)
+    return tuple(chosen)
+
+
+@dataclass(frozen=True)
+class AssignmentConfig:
+    """How likely it is which thing in an image is which object.
+
+    Attributes:
+        overlap: where two detections share more than this of the smaller one's pixels,
+            they are of one thing.
+        mistaken: how likely a thing is another object than the network is surest of,
+            where it sees that one in it, too: this share of what it is surer by.
+        unseen: how likely it is that an object is not seen.
+        something: with this score of any object, a thing may be one that is not seen.
+    """
+
+    overlap: float = 0.6
+    mistaken: float = 0.2
+    unseen: float = 0.05
+    something: float = 0.5
+
+
+def assign_detections(
+    found: Iterable[Detection],
+    counts: Mapping[int, int],
+    shape: tuple[int, int],
+    config: AssignmentConfig = AssignmentConfig(),
+) -> tuple[Detection, ...]:
+    """The most likely detections of objects that are known to be there.
+
+    Every thing in the image is one object at most, so that one which the network takes
+    for two goes to that which has no better, though the network be surer of the other.
+    Least total cost, minus the logarithm of the scores, by the Hungarian method.
+
+    Args:
+        found: detections in an image, of all objects that the network knows.
+        counts: how many of each object are there.
+        shape: (height, width) of the image.
+        config: what is likely.
+
+    Returns:
+        one for each in the order of `counts`. Its `instead` is what else the network
+        detects of the same object; of one that is not seen (`Detection.unseen`), the
+        things that are none of the others.
+    """
+    found = sorted(found, key=lambda d: -d.score)
+    things = _things(found, shape, config.overlap)
+    wanted = [object_id for object_id, count in counts.items() for _ in range(count)]
+    cost = np.full((len(wanted), len(things) + len(wanted)), -math.log(config.unseen))
+    scores = [[_score(i, thing, config.mistaken) for thing in things] for i in wanted]
+    with np.errstate(divide="ignore"):
+        cost[:, : len(things)] = -np.log(np.reshape(scores, (len(wanted), len(things))))
+    _, columns = linear_sum_assignment(cost)
+    left = [
+        replace(thing[0], score=config.mistaken * thing[0].score)
+        for k, thing in enumerate(things)
+        if k not in columns and thing[0].score >= config.something
+    ]
+    assigned = []
+    for object_id, k, score in zip(wanted, columns, scores, strict=True):
+        if k < len(things):
+            chosen = replace(things[k][0], object_id=object_id, score=score[k])
+            instead = _instead(chosen, found, shape, config)
+        else:
+            chosen = Detection.unseen(object_id, *shape)
+            instead = tuple(replace(d, object_id=object_id) for d in left)
+        assigned.append(replace(chosen, instead=instead))
+    return tuple(assigned)
+
+
+def _instead(
+    chosen: Detection,
+    found: Iterable[Detection],
+    shape: tuple[int, int],
+    config: AssignmentConfig,
+) -> tuple[Detection, ...]:
+    """Where else the network sees an object, the likeliest first."""
+    pixels = chosen.pixels(*shape)
+    return tuple(
+        d
+        for d in found
+        if d.object_id == chosen.object_id
+        and d.score >= config.unseen
+        and not are_nested(d.pixels(*shape), pixels, config.overlap)
+    )
+
+
+def _things(
+    found: Iterable[Detection], shape: tuple[int, int], overlap: float
+) -> list[list[Detection]]:
+    """The detections of each thing, surest first as they are given.
+
+    Those of one class are of several things: the network has seen to that.
+    """
+    things: list[tuple[Mask, list[Detection]]] = []
+    for detection in found:
+        pixels = detection.pixels(*shape)
+        if not pixels.any():
+            continue
+        for mask, of_thing in things:
+            alike = any(d.object_id == detection.object_id for d in of_thing)
+            if not alike and are_nested(pixels, mask, overlap):
+                of_thing.append(detection)
+                break
+        else:
+            things.append((pixels, [detection]))
+    return [of_thing for _, of_thing in things]
+
+
+def _score(object_id: int, thing: list[Detection], mistaken: float) -> float:
+    """How likely a thing is this object; 0 where the network does not see it there."""
+    own = next((d.score for d in thing if d.object_id == object_id), None)
+    return 0.0 if own is None else own + mistaken * (thing[0].score - own)
+
+
+def are_nested(one: Mask, other: Mask, overlap: float) -> bool:
+    """Whether two masks share more than this of the smaller one's pixels."""
+    smaller = min(np.count_nonzero(one), np.count_nonzero(other))
+    return bool(np.count_nonzero(one & other) > overlap * smaller)
+
+
+def _shared(one: Mask, other: Mask) -> float:
+    """Intersection over union of two masks that are not both empty."""
+    return float(np.count_nonzero(one & other) / np.count_nonzero(one | other))

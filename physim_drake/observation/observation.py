@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: MIT
+"""What one look at a scene gives: the images, the detections and their segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.errors import InputError
+from physim_drake.poses import Array, is_rotation
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class RgbdObservation:
+    """One RGB-D image and its camera.
+
+    Attributes:
+        depth: (height, width) float32, z in C in metres, 0 where nothing was measured.
+        intrinsics: of the depth image; colour is registered to it.
+        color: (height, width, 3) uint8 RGB, or None.
+        X_WC: camera pose in the world, (4, 4), or None where it is unknown.
+        name: what messages call it, for instance its file.
+
+    Raises:
+        InputError: where shapes, values or the rotation cannot be right.
+    """
+
+    depth: DepthImage
+    intrinsics: CameraIntrinsics
+    color: NDArray[np.uint8] | None = None
+    X_WC: Array | None = None
+    name: str = "observation"
+
+    def __post_init__(self) -> None:
+        self._check_depth()
+        self._check_pose()
+        shape = self.depth.shape
+        if self.color is not None and self.color.shape != (*shape, 3):
+            raise InputError(
+                self.name,
+                f"has shape {self.color.shape}, depth {shape}",
+                "register colour to depth at the same size",
+                "color",
+            )
+        fits = (
+            self.intrinsics.fx > 0
+            and self.intrinsics.fy > 0
+            and -0.5 * shape[1] < self.intrinsics.cx < 1.5 * shape[1]
+            and -0.5 * shape[0] < self.intrinsics.cy < 1.5 * shape[0]
+        )
+        if not fits:
+            raise InputError(
+                self.name,
+                f"{self.intrinsics} do not fit an image of {shape[1]} x {shape[0]}",
+                "give fx, fy, cx, cy in pixels of this image",
+                "intrinsics",
+            )
+
+    def need_color(self) -> NDArray[np.uint8]:
+        """The colour image, (height, width, 3) RGB, by which objects are detected.
+
+        Raises:
+            InputError: where there is none.
+        """
+        if self.color is None:
+            raise InputError(
+                self.name,
+                "has no colour, by which objects are detected",
+                "give colour images, or detections",
+            )
+        return self.color
+
+    def _check_depth(self) -> None:
+        shape = (self.intrinsics.height, self.intrinsics.width)
+        if self.depth.ndim != 2 or self.depth.dtype != np.float32:
+            raise InputError(
+                self.name,
+                f"is {self.depth.dtype} of shape {self.depth.shape}",
+                "depth must be a float32 image in metres",
+                "depth",
+            )
+        if self.depth.shape != shape:
+            raise InputError(
+                self.name,
+                f"has {self.depth.shape} pixels, the intrinsics {shape}",
+                "give the intrinsics of this image size",
+                "depth",
+            )
+        if not np.isfinite(self.depth).all() or (self.depth < 0).any():
+            raise InputError(
+                self.name,
+                "holds NaN, infinite or negative values",
+                "write 0 where nothing was measured",
+                "depth",
+            )
+        if not self.depth.any():
+            raise InputError(
+                self.name,
+                "is zero everywhere",
+                "check the depth file and depth_scale",
+                "depth",
+            )
+
+    def _check_pose(self) -> None:
+        if self.X_WC is not None and self.X_WC.shape != (4, 4):
+            raise InputError(
+                self.name, f"has shape {self.X_WC.shape}", "give a 4 x 4 pose", "X_WC"
+            )
+        if self.X_WC is not None and not (
+            np.isfinite(self.X_WC).all() and is_rotation(self.X_WC[:3, :3])
+        ):
+            raise InputError(
+                self.name,
+                "rotation is not orthonormal and right-handed",
+                "give a rotation matrix, rows first",
+                "X_WC",
+            )
+
+
+@dataclass(frozen=True)
+class Detection:
+    """Where in the image an object is said to be.
+
+    Attributes:
+        object_id: which object.
+        box: left, top, right, bottom in pixels (right and bottom exclusive), (4,).
+        score: the detector's confidence, 0..1.
+        mask: (height, width) bool where the detector gives one, else None.
+        instead: where else it sees the object, the likeliest first; see
+            `physim_drake.observation.detection_alternatives`.
+    """
+
+    object_id: int
+    box: Array
+    score: float = 1.0
+    mask: Mask | None = None
+    instead: tuple[Detection, ...] = ()
+
+    @classmethod
+    def unseen(cls, object_id: int, height: int, width: int) -> Detection:
+        """Says that a detector did not see an object, in an image of this size."""
+        mask = np.zeros((height, width), dtype=bool)
+        return cls(object_id, np.zeros(4), 0.0, mask)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the detector saw the object; if not, its mask has no pixel."""
+        return self.mask is None or bool(self.mask.any())
+
+    def pixels(self, height: int, width: int) -> Mask:
+        """The pixels that may show the object, (height, width) bool."""
+        if self.mask is not None:
+            return self.mask
+        left, top, right, bottom = self.box
+        rows, columns = np.arange(height), np.arange(width)
+        inside = (rows >= top) & (rows < bottom)
+        return np.asarray(inside[:, None] & ((columns >= left) & (columns < right)))
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The part of the observed cloud that may belong to one object.
+
+    Attributes:
+        detection: where it came from.
+        points: p_S (N, 3), m, in the support frame S, thinned to a few millimetres.
+        normals: unit, (N, 3), in S, towards the camera.
+        mask: (height, width) bool, every pixel of it, before thinning.
+    """
+
+    detection: Detection
+    points: Array
+    normals: Array
+    mask: Mask
+
+    @property
+    def object_id(self) -> int:
+        """Which object it may belong to."""
+        return self.detection.object_id

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT
+"""One image made ready for estimation: its segments on their support surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.observation.observation import Detection, RgbdObservation, Segment
+from physim_drake.observation.segmentation import foreground, segment_objects
+from physim_drake.observation.support_surface import SupportSurface
+from physim_drake.poses import Array
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What every later step works on; small enough to send to a worker.
+
+    Attributes:
+        segments: one for each object to find.
+        depth: the depth image as it was measured, m, 0 where unknown.
+        observed: the same with the support surface set to 0.
+        intrinsics: of the camera.
+        X_CS: pose of the support frame in the camera, (4, 4).
+    """
+
+    segments: Sequence[Segment]
+    depth: DepthImage
+    observed: DepthImage
+    intrinsics: CameraIntrinsics
+    X_CS: Array
+
+    @property
+    def object_ids(self) -> tuple[int, ...]:
+        """Which object each segment is of."""
+        return tuple(segment.object_id for segment in self.segments)
+
+
+def prepare_scene(
+    observation: RgbdObservation,
+    surface: SupportSurface,
+    detections: Sequence[Detection],
+) -> Scene:
+    """Cuts an observation into the segments of its detections."""
+    observed = foreground(observation, surface)
+    K = observation.intrinsics
+    segments = segment_objects(observed, K, surface, detections)
+    return Scene(segments, observation.depth, observed, K, surface.X_CS)

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Processes: a supervised pool, Ray, log levels."""

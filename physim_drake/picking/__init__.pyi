@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: MIT
+from .arm_planner import ArmPlanner as ArmPlanner
+from .arm_planner import PickPlan as PickPlan
+from .cell import PickCellGeometry as PickCellGeometry
+from .cell import cell_geometry as cell_geometry
+from .cell import check_cell as check_cell
+from .cell import load_objects as load_objects
+from .planner_config import ArmPlannerConfig as ArmPlannerConfig
+from .policy import PickCandidate as PickCandidate
+from .policy import PickConditions as PickConditions
+from .policy import PickPolicy as PickPolicy
+from .policy import TopOfPileFirst as TopOfPileFirst
+from .policy import object_candidates as object_candidates
+from .scenario import PickScenario as PickScenario
+from .scenario import load_scenario as load_scenario
+from .suction_points import SuctionCup as SuctionCup
+from .suction_points import SuctionPoints as SuctionPoints
+from .task import PickTask as PickTask
+from .task_state import EventKind as EventKind
+from .task_state import TaskEvent as TaskEvent

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT
+"""The result of an estimation: where every object is, and how sure that is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from pydrake.math import RollPitchYaw, RotationMatrix
+
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.objects.sdformat import file_stem, write_drake_model
+from physim_drake.observation.observation import Detection
+from physim_drake.observation.support_surface import SupportSurface
+from physim_drake.poses import Array
+from physim_drake.storage.files import write_atomically
+
+
+@dataclass(frozen=True)
+class ObjectEstimate:
+    """One object's pose, if it was found.
+
+    Attributes:
+        object_id: which object.
+        name: its name.
+        X_CO: its pose in the camera, (4, 4), or None.
+        X_WO: its pose in the world, (4, 4), or None; without a camera pose the world
+            is the support frame.
+        confidence: 0..1: the share of its visible pixels whose rendered and measured
+            depth agree within 1 cm, times the share of its segment that the estimated
+            scene explains; divided among its poses where others explain the image about
+            as well. 0 where it was not found.
+        reason: why it was not found, else empty.
+    """
+
+    object_id: int
+    name: str
+    X_CO: Array | None
+    X_WO: Array | None
+    confidence: float
+    reason: str
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a pose."""
+        return self.X_CO is not None
+
+
+@dataclass(frozen=True)
+class SearchTrace:
+    """The anytime curve of one group's search, with poses in the camera.
+
+    Attributes:
+        indices: which of the estimate's objects the group holds, in placing order.
+        points: (expansion, seconds, best score in pixels, X_CO (N, 4, 4)), one each
+            time the best score rose.
+        expansions: made in all.
+    """
+
+    indices: tuple[int, ...]
+    points: tuple[tuple[int, float, int, Array], ...]
+    expansions: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain lists and numbers, for JSON; poses row-wise, m."""
+        return {
+            "objects": list(self.indices),
+            "expansions": self.expansions,
+            "points": [
+                {
+                    "expansion": expansion,
+                    "seconds": seconds,
+                    "score": score,
+                    "X_CO": np.asarray(poses).tolist(),
+                }
+                for expansion, seconds, score, poses in self.points
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class SceneEstimate:
+    """The estimated scene.
+
+    Attributes:
+        objects: one for each detection, in its order.
+        surface: what they rest on.
+        method: how it was made.
+        stages: seconds by stage.
+        trace: the anytime curve of each independent group that was searched.
+        detections: where each object was looked for: what was given, or where it has
+            rivals, those by which more of the image is explained.
+        warning: what the input seems to have wrong as a whole, else empty; the reasons
+            of objects that were not found end with it.
+    """
+
+    objects: tuple[ObjectEstimate, ...]
+    surface: SupportSurface
+    method: str
+    stages: Mapping[str, float]
+    trace: tuple[SearchTrace, ...] = ()
+    detections: tuple[Detection, ...] = ()
+    warning: str = ""
+
+    @property
+    def seconds(self) -> float:
+        """Of all stages together."""
+        return sum(self.stages.values())
+
+    def reason_alone(self, item: ObjectEstimate) -> str:
+        """Why one of its objects was not found, without the warning about all."""
+        return item.reason.removesuffix(f"; {self.warning}")
+
+    def __str__(self) -> str:
+        lines = [f"{self.method}, {self.seconds:.1f} s"]
+        if self.warning:
+            lines.append(f"  warning: {self.warning}")
+        for o in self.objects:
+            if o.X_WO is None:
+                lines.append(f"  {o.name}: not found ({self.reason_alone(o)})")
+                continue
+            rpy = RollPitchYaw(RotationMatrix(o.X_WO[:3, :3])).vector()
+            lines.append(
+                f"  {o.name}: xyz {np.round(o.X_WO[:3, 3], 4).tolist()} m, rpy "
+                f"{np.round(np.degrees(rpy), 1).tolist()} deg, "
+                f"confidence {o.confidence:.2f}"
+            )
+        return "\n".join(lines)
+
+    def to_model_directives(self, library: ObjectLibrary, folder: Path) -> Path:
+        """Writes the found objects as Drake model directives, each welded in place.
+
+        Args:
+            library: the objects' models.
+            folder: where `scene.dmd.yaml` and the models' SDFs go; made if missing.
+
+        Returns:
+            the directives' file; its paths hold as long as the folder stays.
+
+        Raises:
+            InputError: where the folder cannot be written.
+        """
+        directives: list[dict[str, Any]] = []
+        counts: Counter[str] = Counter()
+        stems = _file_stems(self.objects)
+        for estimate in self.objects:
+            if estimate.X_WO is None:
+                continue
+            stem = stems[estimate.object_id]
+            sdf = write_drake_model(library[estimate.object_id], folder / stem)
+            counts[stem] += 1
+            name = stem if counts[stem] == 1 else f"{stem}_{counts[stem]}"
+            rpy = RollPitchYaw(RotationMatrix(estimate.X_WO[:3, :3])).vector()
+            directives += _welded_model(
+                name, sdf, estimate.X_WO[:3, 3].tolist(), np.degrees(rpy).tolist()
+            )
+        path = folder / "scene.dmd.yaml"
+        with write_atomically(path) as file:
+            yaml.safe_dump({"directives": directives}, file, sort_keys=False)
+        return path
+
+
+def _file_stems(objects: Sequence[ObjectEstimate]) -> dict[int, str]:
+    """A folder's name for each object by its id, no two the same."""
+    stems: dict[int, str] = {}
+    for item in objects:
+        if item.object_id not in stems:
+            stem = file_stem(item.name)
+            taken = stem in stems.values()
+            stems[item.object_id] = f"{stem}_id{item.object_id}" if taken else stem
+    return stems
+
+
+def _welded_model(
+    name: str, sdf: Path, translation: Sequence[float], rpy_deg: Sequence[float]
+) -> list[dict[str, Any]]:
+    frame = f"{name}_estimate"
+    return [
+        {"add_model": {"name": name, "file": f"file://{sdf.resolve()}"}},
+        {
+            "add_frame": {
+                "name": frame,
+                "X_PF": {
+                    "base_frame": "world",
+                    "translation": list(translation),
+                    "rotation": _Tagged(list(rpy_deg)),
+                },
+            }
+        },
+        {"add_weld": {"parent": frame, "child": f"{name}::body"}},
+    ]
+
+
+class _Tagged:
+    """A rotation in degrees, written with Drake's tag `!Rpy`."""
+
+    def __init__(self, deg: list[float]) -> None:
+        self.deg = deg
+
+
+yaml.SafeDumper.add_representer(
+    _Tagged,
+    lambda dumper, value: dumper.represent_mapping("!Rpy", {"deg": value.deg}),
+)

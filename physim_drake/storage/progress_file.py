@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: MIT
+"""Notes of what a long run has done, so that one that was cut off can go on.
+
+A progress file is JSON lines. The first holds the settings of the run; each other one
+is a note about a piece of its work. A note reaches the disk before the next piece
+begins, so whenever the run is cut off, all whole lines are true; to resume, a line that
+was torn off is cut away.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from io import FileIO
+from pathlib import Path
+
+from physim_drake.closing import Closing
+from physim_drake.errors import InputError
+from physim_drake.storage.files import cannot_write
+from physim_drake.storage.json_nodes import JsonNode
+
+_AGAIN = "run without --resume to begin again"
+
+
+class ProgressFile(Closing):
+    """The progress file of a run, which no other run may write meanwhile.
+
+    Args:
+        path: the file; is made where there is none.
+        settings: what must be the same in all parts of a run (names and values in
+            plain text), for instance the seed.
+        results: what the run writes, for a message.
+
+    Attributes:
+        path: as given.
+
+    Raises:
+        InputError: where the file cannot be written, or another run is writing it.
+    """
+
+    def __init__(self, path: Path, settings: Mapping[str, str], results: Path) -> None:
+        self.path = path
+        self._settings = dict(settings)
+        self._file = open_to_append(path)
+        try:
+            _lock(self._file, results)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def go_on(self, resume: bool) -> list[JsonNode]:
+        """Begins, or goes on where an earlier run has begun.
+
+        Args:
+            resume: whether to go on; else what is there is forgotten.
+
+        Returns:
+            the earlier run's notes.
+
+        Raises:
+            InputError: see `recover`, `begin`.
+        """
+        notes = self.recover() if resume else None
+        if notes is None:
+            self.begin()
+        return notes or []
+
+    def recover(self) -> list[JsonNode] | None:
+        """Reads what an earlier run noted; None where it noted no settings.
+
+        Raises:
+            InputError: where it had other settings, or the file is damaged.
+        """
+        self._file.seek(0)
+        # What follows the last line end was torn off; it is cut away as well.
+        whole = self._file.read().rpartition(b"\n")[0]
+        lines = whole.split(b"\n") if whole else []
+        notes = [self._parse(number, line) for number, line in enumerate(lines, 1)]
+        if notes:
+            self._compare_settings(notes[0]["settings"])
+        self._file.truncate(len(whole) + 1 if whole else 0)
+        return notes[1:] if notes else None
+
+    def clear(self) -> None:
+        """Forgets everything.
+
+        Raises:
+            InputError: where the file cannot be written.
+        """
+        try:
+            self._file.truncate(0)
+        except OSError as error:
+            raise cannot_write(self.path, error) from error
+
+    def begin(self) -> None:
+        """Forgets everything and writes the settings.
+
+        Raises:
+            InputError: see `add`.
+        """
+        self.clear()
+        self.add({"settings": self._settings})
+
+    def add(self, note: Mapping[str, object]) -> None:
+        """Writes a note; it is on the disk when this returns.
+
+        Raises:
+            InputError: where the disk is full, or the file cannot be written.
+        """
+        append(self._file, self.path, json.dumps(note) + "\n")
+
+    def check_in_place(self) -> None:
+        """Raises `InputError` where what is written would reach no one."""
+        check_in_place(self._file, self.path)
+
+    def close(self) -> None:
+        """Closes the file; it stays, for a later --resume."""
+        self._file.close()
+
+    def _parse(self, number: int, line: bytes) -> JsonNode:
+        try:
+            return JsonNode(json.loads(line), self.path, f"line {number}")
+        except (ValueError, RecursionError):
+            raise InputError(
+                self.path, "is not valid JSON", _AGAIN, f"line {number}"
+            ) from None
+
+    def _compare_settings(self, node: JsonNode) -> None:
+        """Raises `InputError` where the earlier run had other settings."""
+        earlier = node.value if isinstance(node.value, dict) else {}
+        for name in sorted({*earlier, *self._settings}):
+            was, now = earlier.get(name), self._settings.get(name)
+            if was != now:
+                raise InputError(
+                    self.path,
+                    f"the run began with {was!r}, this one has {now!r}",
+                    f"use the same, or {_AGAIN}",
+                    str(name),
+                )
+
+
+def open_to_append(path: Path) -> FileIO:
+    """Opens a file that grows; makes it where there is none.
+
+    Raises:
+        InputError: where it cannot be written.
+    """
+    try:
+        # Unbuffered, so that closing has nothing left to write that could fail.
+        return path.open("ab+", buffering=0)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+def append(file: FileIO, path: Path, text: str) -> int:
+    """Appends a text and waits until it is on the disk.
+
+    Args:
+        file: from `open_to_append`.
+        path: of it, for a message.
+        text: what to append; where not all of it can be written, nothing is.
+
+    Returns:
+        the new length of the file in bytes.
+
+    Raises:
+        InputError: where the disk is full, or the file cannot be written.
+    """
+    rest = memoryview(text.encode("utf-8"))
+    before = file.seek(0, os.SEEK_END)
+    try:
+        while rest:
+            rest = rest[file.write(rest) :]
+        os.fsync(file.fileno())
+        return file.seek(0, os.SEEK_END)
+    except OSError as error:
+        # Some of the text must not look like all of it.
+        with suppress(OSError):
+            file.truncate(before)
+        raise cannot_write(path, error) from error
+
+
+def check_in_place(file: FileIO, path: Path) -> None:
+    """Raises `InputError` where an open file is no longer the one at its path."""
+    try:
+        there = os.path.samestat(os.stat(path), os.fstat(file.fileno()))
+    except OSError:
+        there = False
+    if not there:
+        raise InputError(path, "was removed or replaced during the run", "run again")
+
+
+def _lock(file: FileIO, results: Path) -> None:
+    """Keeps a second run from writing to the same results."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            results, "is being written by another run", "wait, or give another path"
+        ) from None
+    except OSError:
+        # The file system has no locks; a run alone does not need one.
+        return

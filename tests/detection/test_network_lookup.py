@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physim_drake.batch import images as batch
+from physim_drake.batch.images import (
+    Target,
+    boxes_only,
+    detection_lookup,
+    match_detections,
+    trained_lookup,
+)
+from physim_drake.datasets.bop import BopDataset
+from physim_drake.detection import network_lookup as lookup
+from physim_drake.detection.detector import NetworkDetector
+from physim_drake.errors import InputError
+from physim_drake.models import APC11
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection
+from tests.cli.test_detect import write_weights
+from tests.datasets.tiny import HEIGHT, WIDTH, write_tiny
+
+IMAGE = (3, 0)
+TARGETS = [Target(*IMAGE, object_id, 1) for object_id in (1, 2)]
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> BopDataset:
+    return BopDataset(write_tiny(tmp_path / "tiny"))
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    return write_weights(tmp_path / "weights", 1, 2)
+
+
+def sees(
+    monkeypatch: pytest.MonkeyPatch, *ids: int, scores: tuple[float, ...] = (0.9, 0.4)
+) -> None:
+    """Makes the network see these objects at different places, for each score."""
+
+    def detect(*arguments: object) -> tuple[Detection, ...]:
+        box = np.array([1.0, 2.0, 3.0, 4.0])
+        found = []
+        for score in scores:
+            for object_id in ids:
+                mask = np.zeros((HEIGHT, WIDTH), dtype=bool)
+                mask[len(found)] = True
+                found.append(Detection(object_id, box, score, mask))
+        return tuple(found)
+
+    monkeypatch.setattr(NetworkDetector, "detect", detect)
+
+
+def test_targets_get_the_best_detection(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 1, 2)
+    look_up, source = detection_lookup(dataset, weights=weights)
+    found = match_detections(TARGETS, IMAGE, look_up(IMAGE), source)
+    assert [(d.object_id, d.score) for d in found] == [(1, 0.9), (2, 0.9)]
+    assert source == str(weights)
+
+
+def test_an_object_that_is_not_seen_has_no_pixel(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 2)
+    look_up, source = lookup.network_lookup(dataset, weights)
+    missed, seen = match_detections(TARGETS, IMAGE, look_up(IMAGE), source)
+    assert (seen.score, seen.seen) == (0.9, True)
+    assert (missed.object_id, missed.seen) == (1, False)
+    assert missed.mask is not None
+    assert not missed.mask.any()
+
+
+def test_instances_that_are_not_seen_are_said_one_by_one(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 1)
+    targets = [Target(*IMAGE, 1, 4), Target(*IMAGE, 2, 3)]
+    look_up, source = lookup.network_lookup(dataset, weights, targets)
+    found = match_detections(targets, IMAGE, look_up(IMAGE), source)
+    assert [d.object_id for d in found] == [1] * 4 + [2] * 3
+    assert [d.score for d in found] == [0.9, 0.4, 0, 0, 0, 0, 0]
+
+
+def test_what_is_no_target_is_not_looked_for(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 1, 2)
+    look_up, source = lookup.network_lookup(dataset, weights, TARGETS[1:])
+    assert {d.object_id for d in look_up(IMAGE)} == {2}
+    found = match_detections(TARGETS[1:], IMAGE, look_up(IMAGE), source)
+    assert [d.object_id for d in found] == [2]
+
+
+def test_the_network_stands_in_for_missing_detections(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    name_models(dataset.root, "object 1", "object 2")
+    monkeypatch.setattr(batch, "DETECTOR", weights)
+    _, source = detection_lookup(dataset)
+    assert source == str(weights)
+    own = dataset.root / "detections.json"
+    own.write_text(
+        '[{"scene_id": 3, "image_id": 0, "category_id": 1, "bbox": [1, 1, 2, 2], '
+        '"score": 1.0}]'
+    )
+    assert detection_lookup(dataset)[1] == str(own)
+
+
+def test_only_boxes_may_be_kept(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    sees(monkeypatch, 2)
+    look_up, _ = lookup.network_lookup(dataset, weights)
+    kept = boxes_only(look_up)(IMAGE)
+    assert [(d.object_id, d.seen, d.mask is None) for d in kept] == [
+        (1, False, False),
+        (2, True, True),
+    ]
+
+
+def name_models(root: Path, *names: str) -> None:
+    """Says what the dataset's objects are."""
+    (root / "models").mkdir()
+    entries = "".join(
+        f"- {{id: {k}, name: {name}, mesh: a.obj}}\n"
+        for k, name in enumerate(names, start=1)
+    )
+    (root / "models" / "library.yaml").write_text(f"objects:\n{entries}")
+
+
+def test_objects_of_another_name_are_not_left_to_the_default(
+    dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
+):
+    name_models(dataset.root, "object 1", "teapot")
+    monkeypatch.setattr(batch, "DETECTOR", weights)
+    with pytest.raises(InputError, match=r"object 2 of .* is teapot"):
+        detection_lookup(dataset)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_objects_without_a_name_are_told_by_their_size(
+    dataset: BopDataset, weights: Path, scale: float, monkeypatch: pytest.MonkeyPatch
+):
+    models = dataset.root / "models"
+    models.mkdir()
+    library = ObjectLibrary.load(APC11, {1, 2})
+    for object_id, model in library.items():
+        mesh = model.mesh.copy().apply_scale(1000 * scale)
+        mesh.export(models / f"obj_{object_id:06d}.ply")
+    monkeypatch.setattr(batch, "DETECTOR", weights)
+    if scale == 1.0:
+        assert detection_lookup(dataset)[1] == str(weights)
+        return
+    with pytest.raises(InputError, match="object 1 is not the one that"):
+        detection_lookup(dataset)
+
+
+def test_segments_come_from_the_detector_as_well(
+    dataset: BopDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    name_models(dataset.root, "object 1", "object 2")
+    detector = write_weights(tmp_path / "detector", 1, 2)
+    monkeypatch.setattr(batch, "DETECTOR", detector)
+    look_up, source = trained_lookup(dataset, pixels=True)
+    assert source == str(detector)
+    found = [d for d in look_up(IMAGE) if d.seen]
+    assert len({d.object_id for d in found}) == len(found)
+
+
+def test_without_a_network_detections_are_asked_for(
+    dataset: BopDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(batch, "DETECTOR", tmp_path / "none")
+    with pytest.raises(InputError, match="give --detections FILE"):
+        detection_lookup(dataset)
+
+
+def test_two_sources_are_refused(dataset: BopDataset, weights: Path):
+    with pytest.raises(InputError, match="--masks: given together with --weights"):
+        detection_lookup(dataset, masks=True, weights=weights)
+
+
+def test_weights_for_other_objects(dataset: BopDataset, tmp_path: Path):
+    other = write_weights(tmp_path / "other", 1, 7)
+    with pytest.raises(InputError, match=r"object 2 of .* is not among 1, 7"):
+        detection_lookup(dataset, weights=other)
+
+
+def test_images_without_colour(dataset: BopDataset, weights: Path):
+    (dataset.root / "test/000003/rgb").rename(dataset.root / "lost")
+    look_up, _ = detection_lookup(dataset, weights=weights)
+    with pytest.raises(InputError, match="has no colour"):
+        look_up(IMAGE)
