@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physim_drake.errors import InputError
 from physim_drake.poses import Array
 
 DepthImage = NDArray[np.float32]
@@ -33,7 +34,22 @@ class CameraIntrinsics:
 
     @classmethod
     def from_matrix(cls, K: Array, width: int, height: int) -> CameraIntrinsics:
-        """Reads the (3, 3) matrix `K`."""
+        """Reads the (3, 3) matrix `K`.
+
+        Raises:
+            InputError: if it has another shape, or skews the image.
+        """
+        K = np.asarray(K, dtype=float)
+        if K.shape != (3, 3):
+            raise InputError(
+                "camera matrix", f"has shape {K.shape}", "give fx, fy, cx, cy as 3 x 3"
+            )
+        if abs(K[0, 1]) > 1e-6 * abs(K[0, 0]):
+            raise InputError(
+                "camera matrix",
+                f"has a skew of {K[0, 1]:g}",
+                "rectify the images, so that it is 0",
+            )
         return cls(
             int(width),
             int(height),

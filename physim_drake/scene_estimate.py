@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import yaml
 from pydrake.math import RollPitchYaw, RotationMatrix
 
+from physim_drake.notebook import table_html
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.objects.sdformat import file_stem, write_drake_model
 from physim_drake.observation.observation import Detection
@@ -108,6 +110,11 @@ class SceneEstimate:
     warning: str = ""
 
     @property
+    def found(self) -> tuple[ObjectEstimate, ...]:
+        """The objects that have a pose."""
+        return tuple(item for item in self.objects if item.found)
+
+    @property
     def seconds(self) -> float:
         """Of all stages together."""
         return sum(self.stages.values())
@@ -124,15 +131,30 @@ class SceneEstimate:
             if o.X_WO is None:
                 lines.append(f"  {o.name}: not found ({self.reason_alone(o)})")
                 continue
-            rpy = RollPitchYaw(RotationMatrix(o.X_WO[:3, :3])).vector()
+            xyz, rpy, confidence = self._cells(o)
             lines.append(
-                f"  {o.name}: xyz {np.round(o.X_WO[:3, 3], 4).tolist()} m, rpy "
-                f"{np.round(np.degrees(rpy), 1).tolist()} deg, "
-                f"confidence {o.confidence:.2f}"
+                f"  {o.name}: xyz {xyz} m, rpy {rpy} deg, confidence {confidence}"
             )
         return "\n".join(lines)
 
-    def to_model_directives(self, library: ObjectLibrary, folder: Path) -> Path:
+    def _repr_html_(self) -> str:
+        heads = ("object", "xyz, m", "rpy, deg", "confidence")
+        rows = [(o.name, *self._cells(o)) for o in self.objects]
+        warning = f"<p>warning: {escape(self.warning)}</p>" if self.warning else ""
+        return warning + table_html(heads, rows)
+
+    def _cells(self, item: ObjectEstimate) -> tuple[str, str, str]:
+        """Position, orientation and confidence in print, or why there are none."""
+        if item.X_WO is None:
+            return f"not found ({self.reason_alone(item)})", "", ""
+        rpy = RollPitchYaw(RotationMatrix(item.X_WO[:3, :3])).vector()
+        return (
+            str(np.round(item.X_WO[:3, 3], 4).tolist()),
+            str(np.round(np.degrees(rpy), 1).tolist()),
+            f"{item.confidence:.2f}",
+        )
+
+    def to_model_directives(self, library: ObjectLibrary, folder: str | Path) -> Path:
         """Writes the found objects as Drake model directives, each welded in place.
 
         Args:
@@ -145,6 +167,7 @@ class SceneEstimate:
         Raises:
             InputError: where the folder cannot be written.
         """
+        folder = Path(folder)
         directives: list[dict[str, Any]] = []
         counts: Counter[str] = Counter()
         stems = _file_stems(self.objects)

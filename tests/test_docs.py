@@ -84,7 +84,8 @@ def test_the_programs_of_readme_and_first_steps_run(
         assert code, f"{page.name} shows no Python"
         for text in code:
             desk(text, page.name, namespace)
-    assert "up_glucose_bottle: xyz" in capsys.readouterr().out
+    assert "up_glucose_bottle" in capsys.readouterr().out
+    assert Path("overlay.png").is_file()
 
 
 def test_the_integration_test_of_the_documents_passes() -> None:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "physim_drake"
 ORDER = (
-    *("errors", "extras", "closing", "compiled", "poses", "camera", "pose_errors"),
-    *("storage", "parallel", "models", "objects", "observation", "sensors"),
-    *("registration", "hypotheses", "physics", "scene_estimate", "rendering"),
-    *("search", "estimation", "datasets", "scenes", "evaluation", "detection"),
-    *("batch", "suction", "picking", "systems", "episodes", "self_learning"),
-    *("testing", "pytest_plugin", "reporting", "doctor", "cli"),
+    *("errors", "extras", "closing", "compiled", "notebook", "poses", "camera"),
+    *("pose_errors", "storage", "parallel", "models", "objects", "observation"),
+    *("sensors", "registration", "hypotheses", "physics", "scene_estimate"),
+    *("rendering", "search", "estimation", "datasets", "scenes", "evaluation"),
+    *("detection", "batch", "suction", "picking", "systems", "episodes"),
+    *("self_learning", "testing", "pytest_plugin", "reporting", "doctor", "cli"),
 )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -78,15 +78,20 @@ class BopDataset:
     """
 
     def __init__(
-        self, root: Path, split: str = "test", models: Path | None = None
+        self,
+        root: str | Path,
+        split: str = "test",
+        models: str | Path | None = None,
     ) -> None:
+        root = Path(root)
         if not re.fullmatch(r"\w[\w.-]*", split, re.ASCII):
             raise InputError(
                 root, f"split {split!r}", "name a folder below the dataset, as in test"
             )
         self.root, self.split = root, split
-        self.models = models if models is not None else root / "models"
+        self.models = root / "models" if models is None else Path(models)
         self._scenes: dict[int, SceneFiles] = {}
+        self._detections: Mapping[ImageId, list[Detection]] | None = None
         if not (root / split).is_dir():
             raise InputError(
                 root,
@@ -140,7 +145,19 @@ class BopDataset:
                 sources[error.field], error.problem, error.remedy, error.field
             ) from None
 
-    def targets(self, path: Path | None = None) -> list[Target]:
+    def detections(self, scene_id: int, im_id: int) -> list[Detection]:
+        """The detections of an image in the dataset's own detections.json.
+
+        `load_detections` reads other files, and many images at once.
+        """
+        from physim_drake.datasets.detections import load_detections
+
+        path = self.root / "detections.json"
+        if self._detections is None:
+            self._detections = load_detections(path, self)
+        return self._detections.get((scene_id, im_id), [])
+
+    def targets(self, path: str | Path | None = None) -> list[Target]:
         """What to find: from `path`, test_targets_bop19.json, or the ground truth.
 
         Args:
@@ -152,7 +169,7 @@ class BopDataset:
             return self._targets_from_ground_truth()
         targets: list[Target] = []
         seen: set[tuple[int, int, int]] = set()
-        for node in read_json(path or own).elements():
+        for node in read_json(Path(path or own)).elements():
             target = Target(
                 node["scene_id"].integer(),
                 node["im_id"].integer(),

@@ -55,7 +55,7 @@ class Detections(Mapping[ImageId, list[Detection]]):
         return len(self._entries)
 
 
-def load_detections(path: Path, dataset: BopDataset) -> Detections:
+def load_detections(path: str | Path, dataset: BopDataset) -> Detections:
     """Reads the detections of the images that `dataset` has.
 
     The file is a list of ``{"scene_id", "image_id", "category_id", "bbox": [x, y, w,
@@ -66,6 +66,7 @@ def load_detections(path: Path, dataset: BopDataset) -> Detections:
         InputError: where the file or an entry cannot be used, or no entry belongs to
             an image of the dataset; with a look-up, where its image cannot be read.
     """
+    path = Path(path)
     entries: dict[ImageId, list[_Entry] | InputError] = {}
     sizes: dict[ImageId, tuple[int, int]] = {}
     for node in read_json(path).elements():

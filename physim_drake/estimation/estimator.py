@@ -13,6 +13,7 @@ import numpy as np
 from physim_drake.closing import Closing
 from physim_drake.errors import InputError
 from physim_drake.estimation.config import EstimationConfig, Method
+from physim_drake.estimation.image_estimate import ImageEstimate
 from physim_drake.estimation.scale_check import (
     error_with_warning,
     size_warning,
@@ -325,7 +326,7 @@ def estimate_scene(
     detections: Sequence[Detection],
     config: EstimationConfig | None = None,
     surface_height: float | None = None,
-) -> SceneEstimate:
+) -> ImageEstimate:
     """Estimates one scene; for many, keep a `PoseEstimator`.
 
     Args:
@@ -339,7 +340,8 @@ def estimate_scene(
         InputError: where the surface cannot be found, or an object has no model.
     """
     with PoseEstimator(library, config) as estimator:
-        return estimator.estimate(observation, detections, surface_height)
+        estimate = estimator.estimate(observation, detections, surface_height)
+    return ImageEstimate.of(estimate, observation, library)
 
 
 def _explained(estimate: SceneEstimate) -> float:

@@ -155,7 +155,7 @@ class ObjectLibrary(Mapping[int, ObjectModel]):
 
     @classmethod
     def load(
-        cls, folder: Path, object_ids: Collection[int] | None = None
+        cls, folder: str | Path, object_ids: Collection[int] | None = None
     ) -> ObjectLibrary:
         """Reads the objects of a folder.
 

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.errors import InputError
+from physim_drake.notebook import image_html
 from physim_drake.poses import Array, is_rotation
 
 Mask = NDArray[np.bool_]
@@ -20,8 +23,10 @@ class RgbdObservation:
     """One RGB-D image and its camera.
 
     Attributes:
-        depth: (height, width) float32, z in C in metres, 0 where nothing was measured.
-        intrinsics: of the depth image; colour is registered to it.
+        depth: z in C, m, (height, width) float32, 0 where nothing was measured; given
+            in any floating type, with 0, NaN or infinity where nothing was measured.
+        intrinsics: camera of the depth image, to which colour is registered; given as
+            `CameraIntrinsics`, or as its (3, 3) matrix.
         color: (height, width, 3) uint8 RGB, or None.
         X_WC: camera pose in the world, (4, 4), or None where it is unknown.
         name: what messages call it, for instance its file.
@@ -37,6 +42,11 @@ class RgbdObservation:
     name: str = "observation"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "depth", _as_depth(self.depth))
+        if isinstance(self.intrinsics, np.ndarray) and self.depth.ndim == 2:
+            height, width = self.depth.shape
+            camera = CameraIntrinsics.from_matrix(self.intrinsics, width, height)
+            object.__setattr__(self, "intrinsics", camera)
         self._check_depth()
         self._check_pose()
         shape = self.depth.shape
@@ -61,6 +71,17 @@ class RgbdObservation:
                 "intrinsics",
             )
 
+    def __repr__(self) -> str:
+        camera, color = self.intrinsics, "no " if self.color is None else ""
+        return f"<{self.name}: {camera.width} x {camera.height}, {color}colour>"
+
+    def _repr_html_(self) -> str:
+        far = float(np.percentile(self.depth[self.depth > 0], 99))
+        grey = np.clip(self.depth / far * 255, 0, 255).astype(np.uint8)
+        depth = np.repeat(grey[..., None], 3, axis=2)
+        both = depth if self.color is None else np.hstack([self.color, depth])
+        return image_html(both, f"colour and depth of {self.name}")
+
     def need_color(self) -> NDArray[np.uint8]:
         """The colour image, (height, width, 3) RGB, by which objects are detected.
 
@@ -81,7 +102,8 @@ class RgbdObservation:
             raise InputError(
                 self.name,
                 f"is {self.depth.dtype} of shape {self.depth.shape}",
-                "depth must be a float32 image in metres",
+                "give a (height, width) image in metres; multiply whole numbers by "
+                "metres per unit, as in depth * 0.001",
                 "depth",
             )
         if self.depth.shape != shape:
@@ -91,10 +113,10 @@ class RgbdObservation:
                 "give the intrinsics of this image size",
                 "depth",
             )
-        if not np.isfinite(self.depth).all() or (self.depth < 0).any():
+        if (self.depth < 0).any():
             raise InputError(
                 self.name,
-                "holds NaN, infinite or negative values",
+                "holds negative values",
                 "write 0 where nothing was measured",
                 "depth",
             )
@@ -122,13 +144,24 @@ class RgbdObservation:
             )
 
 
-@dataclass(frozen=True)
+def _as_depth(depth: NDArray[Any]) -> DepthImage:
+    """Depth of any floating type as float32, 0 where nothing was measured."""
+    depth = np.asarray(depth)
+    if not np.issubdtype(depth.dtype, np.floating):
+        return depth
+    depth = depth.astype(np.float32, copy=False)
+    measured = np.isfinite(depth)
+    return depth if measured.all() else np.where(measured, depth, np.float32(0))
+
+
+@dataclass(frozen=True, init=False)
 class Detection:
     """Where in the image an object is said to be.
 
     Attributes:
         object_id: which object.
-        box: left, top, right, bottom in pixels (right and bottom exclusive), (4,).
+        box: left, top, right, bottom in pixels (right and bottom exclusive), (4,);
+            given as an array or a list.
         score: the detector's confidence, 0..1.
         mask: (height, width) bool where the detector gives one, else None.
         instead: where else it sees the object, the likeliest first; see
@@ -140,6 +173,26 @@ class Detection:
     score: float = 1.0
     mask: Mask | None = None
     instead: tuple[Detection, ...] = ()
+
+    def __init__(
+        self,
+        object_id: int,
+        box: Array | Sequence[float],
+        score: float = 1.0,
+        mask: Mask | None = None,
+        instead: tuple[Detection, ...] = (),
+    ) -> None:
+        corners = np.asarray(box, dtype=float)
+        if corners.shape != (4,) or not np.isfinite(corners).all():
+            raise InputError(
+                f"detection of object {object_id}",
+                f"is {box!r}",
+                "give left, top, right, bottom in pixels",
+                "box",
+            )
+        values = (object_id, corners, score, mask, instead)
+        for field, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, field.name, value)
 
     @classmethod
     def unseen(cls, object_id: int, height: int, width: int) -> Detection:

@@ -167,8 +167,8 @@ def _centred(image: Image, text: str, column: int, bottom: int, scale: float) ->
     cv2.putText(image, text, place, FONT, scale, (255, 255, 255), 1, cv2.LINE_AA)
 
 
-def write_png(path: Path, image: Image) -> None:
-    """Writes an RGB image; raises `InputError` where `path` cannot be written."""
+def write_png(path: str | Path, image: Image) -> None:
+    """Writes an RGB image; raises `InputError` if `path` cannot be written."""
     _, data = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))
-    with write_atomically(path, "wb") as file:
+    with write_atomically(Path(path), "wb") as file:
         file.write(data.tobytes())

@@ -32,11 +32,9 @@ def test_a_proper_observation_is_taken() -> None:
 @pytest.mark.parametrize(
     ("field", "value", "text"),
     [
-        ("depth", DEPTH.astype(float), "float64"),
+        ("depth", DEPTH.astype(np.uint16), "uint16.*multiply whole numbers"),
         ("depth", np.zeros((6, 8, 1), dtype=np.float32), "shape"),
         ("depth", DEPTH[:, :7], r"\(6, 7\) pixels"),
-        ("depth", with_value(np.nan), "NaN"),
-        ("depth", with_value(np.inf), "NaN"),
         ("depth", with_value(-0.1), "negative"),
         ("depth", 0 * DEPTH, "zero everywhere"),
         ("color", np.zeros((6, 7, 3), dtype=np.uint8), "register colour"),
@@ -57,6 +55,23 @@ def test_what_cannot_be_right_is_refused(field: str, value: Any, text: str) -> N
         RgbdObservation(**(good | {field: value}))
     assert caught.value.field == field
     assert str(caught.value).startswith("frame 3: ")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_was_not_measured(value: float) -> None:
+    depth = RgbdObservation(with_value(value), CAMERA).depth
+    np.testing.assert_array_equal(depth, with_value(0.0))
+
+
+def test_depth_of_another_floating_type_is_converted() -> None:
+    depth = RgbdObservation(DEPTH.astype(float), CAMERA).depth
+    assert depth.dtype == np.float32
+    assert RgbdObservation(DEPTH, CAMERA).depth is DEPTH
+
+
+def test_a_camera_matrix_stands_for_the_intrinsics() -> None:
+    observation = RgbdObservation(DEPTH, CAMERA.K)  # type: ignore[arg-type]
+    assert observation.intrinsics == CAMERA
 
 
 def test_a_box_excludes_its_right_and_bottom() -> None:
