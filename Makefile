@@ -17,6 +17,13 @@ test: setup lint typecheck  ## Check style, types and behaviour, as CI does.
 	@requirements/browser.sh
 	@$(BIN)/pytest -n auto --maxprocesses 4
 
+.PHONY: test-newest test-oldest
+test-newest:  ## Test on Debian 13 with Python 3.13 and the newest versions; as root.
+	@requirements/other_versions.sh newest
+
+test-oldest:  ## Test with the oldest versions that pyproject.toml allows.
+	@requirements/other_versions.sh oldest
+
 # Not with --quiet, which would overlook warnings.
 .PHONY: docs
 docs: setup  ## Build the documentation site in build/site; a warning is an error.
@@ -44,8 +51,8 @@ soak: setup  ## Kill runs, fuzz readers, estimate 1,000 images; hours; a table i
 	@$(BIN)/python -m benchmarks.soak $(SOAK)
 
 .PHONY: setup
-setup: $(STAMP)  ## Install what is needed into .venv, and the OpenGL libraries.
-	@requirements/graphics.sh
+setup: $(STAMP)  ## Install what is needed into .venv, and the system libraries.
+	@requirements/system_libraries.sh
 
 $(STAMP): requirements/dev.txt pyproject.toml
 	@test -n "$(PYTHON)" && $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -12,7 +15,28 @@ from hypothesis import settings
 settings.register_profile("no-deadline", deadline=None)
 settings.load_profile("no-deadline")
 
+_OPTIONAL = {"torch", "playwright"}
+"""Modules without which the tests that import them are skipped."""
+
 _SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Skips a file of tests that imports what an extra brings, if it is missing."""
+    report = yield
+    missing = re.search(r"No module named '(\w+)", str(report.longrepr))
+    if report.failed and missing and missing[1] in _OPTIONAL - importable():
+        reason = f"Skipped: {missing[1]} is not installed"
+        report.outcome, report.longrepr = "skipped", (str(collector.path), 0, reason)
+    return report
+
+
+def importable() -> set[str]:
+    """Which of the optional modules are installed."""
+    return {name for name in _OPTIONAL if importlib.util.find_spec(name)}
 
 
 @pytest.fixture(scope="session")

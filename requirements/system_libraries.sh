@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Sees to it that the OpenGL and EGL libraries that Drake renders with are there:
-# installs Debian's packages where it may, else says what to run and fails.
+# Sees to it that the libraries that Drake loads and renders with are there: installs
+# Debian's packages if it may, else says what to run and fails. A minimal Debian 12 or
+# 13 lacks all of them; nothing else is missing there.
 set -euo pipefail
 
-packages=(libegl1 libgl1 libopengl0 libgl1-mesa-dri libxrender1)
-libraries=(libEGL.so.1 libGL.so.1 libOpenGL.so.0 libXrender.so.1)
+packages=(libglib2.0-0 libegl1 libgl1 libopengl0 libgl1-mesa-dri libxrender1)
+libraries=(libglib-2.0.so.0 libEGL.so.1 libGL.so.1 libOpenGL.so.0 libXrender.so.1)
 
 missing() {
     local known
@@ -29,9 +30,9 @@ if command -v apt-get >/dev/null && [[ ${EUID} -eq 0 ]]; then
     exit 0
 fi
 if command -v apt-get >/dev/null; then
-    echo "error: ${absent} is missing, which rendering needs; run as root: ${command}" >&2
+    echo "error: ${absent} is missing, which Drake needs; run as root: ${command}" >&2
 else
-    echo "error: ${absent} is missing, which rendering needs; install your system's" \
-        "packages of OpenGL, EGL and Mesa (Debian: ${packages[*]})" >&2
+    echo "error: ${absent} is missing, which Drake needs; install your system's" \
+        "packages of GLib, OpenGL, EGL and Mesa (Debian: ${packages[*]})" >&2
 fi
 exit 1
