@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,6 @@ from physim_drake.closing import Closing
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, PoseEstimator, Request
 from physim_drake.objects.model import ObjectLibrary
-from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.parallel.engine import Engine
 from physim_drake.parallel.ray_pool import RayPool, in_order
 from physim_drake.scene_estimate import SceneEstimate
@@ -31,7 +30,10 @@ class RayEstimator(Closing):
 
     def estimate_all(self, requests: Iterable[Request]) -> Iterator[SceneEstimate]:
         """Estimates many scenes at once; gives them in the order of the requests."""
-        for answer in in_order(self._pool.stream("estimate", requests)):
+        answers: Iterator[tuple[int, SceneEstimate | InputError]] = self._pool.stream(
+            _RemoteEstimator.estimate.__name__, ((request,) for request in requests)
+        )
+        for answer in in_order(answers):
             if isinstance(answer, InputError):
                 raise answer
             yield answer
@@ -47,15 +49,10 @@ class _RemoteEstimator:
     def __init__(self, library: ObjectLibrary, config: EstimationConfig) -> None:
         self._estimator = PoseEstimator(library, config)
 
-    def estimate(
-        self,
-        observation: RgbdObservation,
-        detections: Sequence[Detection],
-        surface_height: float | None,
-    ) -> SceneEstimate | InputError:
+    def estimate(self, request: Request) -> SceneEstimate | InputError:
         """An error is an answer, too: those to earlier requests come before it."""
         try:
-            return self._estimator.estimate(observation, detections, surface_height)
+            return self._estimator.estimate(*request)
         except InputError as error:
             return error
 

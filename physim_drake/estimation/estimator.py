@@ -24,7 +24,7 @@ from physim_drake.estimation.scene_search import (
     StageClock,
     make_hypotheses,
 )
-from physim_drake.estimation.workers import WorkerPool
+from physim_drake.estimation.workers import Worker, WorkerPool
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.hypotheses.pca import pca_poses
 from physim_drake.objects.model import ObjectLibrary
@@ -138,7 +138,7 @@ class PoseEstimator(Closing):
         else:
             placed = self._register(scene, large, found)
             clock.lap("hypotheses")
-        confidences = self._pool.map("confidences", [(placed,)])[0]
+        confidences = self._pool.one(Worker.confidences, placed)
         clock.lap("refinement")
         objects = tuple(
             self._object_estimate(
@@ -210,7 +210,7 @@ class PoseEstimator(Closing):
         self._pool.set_scene(scene)
         seed = self._config.seed
         requests = [(k, _NOTHING, (seed, 0, k)) for k in range(len(detections))]
-        return scene, self._pool.map("hypotheses", requests)
+        return scene, self._pool.map(Worker.hypotheses, requests)
 
     def _prepare(
         self,

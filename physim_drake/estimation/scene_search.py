@@ -17,7 +17,7 @@ import numpy as np
 
 from physim_drake.estimation.ambiguity import confidence_shares
 from physim_drake.estimation.config import EstimationConfig, Method
-from physim_drake.estimation.workers import WorkerPool
+from physim_drake.estimation.workers import Worker, WorkerPool
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.segmented_scene import Scene
@@ -144,12 +144,12 @@ class SceneSearch:
                 placed |= self._searched[order][0]
                 shares |= self._searched[order][1]
         if len(groups) > 1 and placed:
-            placed = self._pool.map("refine", [(placed,)])[0][0]
+            placed = self._pool.one(Worker.refine, placed)[0]
         return placed, shares
 
     def _confidences(self, placed: Placement) -> dict[int, float]:
         """How well the image confirms each object of a state, 0..1."""
-        return dict(self._pool.map("confidences", [(placed,)])[0])
+        return self._pool.one(Worker.confidences, placed)
 
     def _search_group(
         self, order: Sequence[int], hypotheses: Mapping[int, Array]
@@ -173,7 +173,7 @@ class SceneSearch:
                 dict(zip(result.order, state.poses, strict=True))
                 for state in result.states
             ]
-            refined = self._pool.map("refine", [(state,) for state in states])
+            refined = self._pool.map(Worker.refine, [(state,) for state in states])
             self._clock.lap("refinement")
             tried += refined
             state, cost = self._most_plausible(refined)
@@ -226,7 +226,7 @@ class SceneSearch:
         tied = [r for r in refined if r[1] <= least * (1 + self._config.tie)]
         if len(tied) == 1:
             return tied[0]
-        unrest = self._pool.map("unrest", [(state,) for state, _ in tied])
+        unrest = self._pool.map(Worker.unrest, [(state,) for state, _ in tied])
         beyond = np.maximum(unrest, self._config.rest)
         return min(zip(beyond, tied, strict=True), key=lambda r: (r[0], r[1][1]))[1]
 
@@ -247,14 +247,14 @@ class SceneSearch:
         """
         while True:
             ways = self._pool.map(
-                "other_ways", [(state, k, hypotheses[k]) for k in state]
+                Worker.other_ways, [(state, k, hypotheses[k]) for k in state]
             )
             promising = [
                 way
                 for way, way_cost in itertools.chain.from_iterable(ways)
                 if way_cost < cost * (1 + self._config.promising)
             ]
-            refined = self._pool.map("refine", [(way,) for way in promising])
+            refined = self._pool.map(Worker.refine, [(way,) for way in promising])
             tried += refined
             least = min(refined, key=lambda r: r[1], default=(state, cost))
             if least[1] >= cost * (1 - self._config.tie):
@@ -268,7 +268,9 @@ class SceneSearch:
             """The results, in the order of the rollouts."""
             # The longest first, so that no worker waits long for another's last one.
             longest = sorted(enumerate(rollouts), key=lambda item: -len(item[1].steps))
-            results = self._pool.map("rollout", [(rollout,) for _, rollout in longest])
+            results = self._pool.map(
+                Worker.rollout, [(rollout,) for _, rollout in longest]
+            )
             by_number = {n: r for (n, _), r in zip(longest, results, strict=True)}
             return [by_number[n] for n in range(len(rollouts))]
 
@@ -300,7 +302,7 @@ def make_hypotheses(
         those of objects that any pose fits.
     """
     found = pool.map(
-        "hypotheses",
+        Worker.hypotheses,
         [(k, others, (config.seed, number, k)) for k, others in requests],
     )
     return {k: h for (k, _), h in zip(requests, found, strict=True) if len(h.X_SO)}

@@ -9,10 +9,10 @@ order of its arguments, so that what is computed does not depend on how many the
 from __future__ import annotations
 
 import gc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import TypeVar, TypeVarTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -32,6 +32,9 @@ from physim_drake.rendering.raster import DepthRasterizer
 from physim_drake.search.expansion import Rollout, RolloutResult, SceneExpander
 from physim_drake.search.refinement import JointRefiner, RefinementConfig
 from physim_drake.search.states import ExpansionConfig, Placement
+
+Arguments = TypeVarTuple("Arguments")
+Result = TypeVar("Result")
 
 # Drake's diagrams refer to themselves, so that only the collector frees them. It counts
 # objects, not bytes: left to itself, it lets tens of megabytes of them gather.
@@ -185,10 +188,18 @@ class WorkerPool(Closing):
         with threadpool_limits(1):
             self._worker.set_scene(scene)
 
-    def map(self, method: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+    def map(
+        self,
+        method: Callable[[Worker, *Arguments], Result],
+        arguments: Sequence[tuple[*Arguments]],
+    ) -> list[Result]:
         """Calls a `Worker`'s method once with each tuple of arguments.
 
         A worker process that dies or hangs is replaced, and its call made again.
+
+        Args:
+            method: of the class, as in `pool.map(Worker.refine, [(state,)])`.
+            arguments: of each call.
 
         Returns:
             the results, in the order of the arguments.
@@ -197,9 +208,15 @@ class WorkerPool(Closing):
             PhysimError: what a call raised, or that one was made too often in vain.
         """
         if self._processes is not None:
-            return self._processes.map(method, arguments)
+            return self._processes.map(method.__name__, arguments)
         with threadpool_limits(1):
-            return [getattr(self._worker, method)(*args) for args in arguments]
+            return [method(self._worker, *args) for args in arguments]
+
+    def one(
+        self, method: Callable[[Worker, *Arguments], Result], *arguments: *Arguments
+    ) -> Result:
+        """Calls a `Worker`'s method once; see `map`."""
+        return self.map(method, [arguments])[0]
 
     @property
     def _worker(self) -> Worker:

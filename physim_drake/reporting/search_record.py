@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physim_drake.estimation.estimator import EstimationConfig
-from physim_drake.estimation.workers import WorkerPool
+from physim_drake.estimation.workers import Worker, WorkerPool
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.segmented_scene import Scene
@@ -155,7 +155,7 @@ def record_searches(
         pool.set_scene(scene)
 
         def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
-            return pool.map("rollout", [(rollout,) for rollout in rollouts])
+            return pool.map(Worker.rollout, [(rollout,) for rollout in rollouts])
 
         for component in graph.components:
             order = [k for k in component if k in hypotheses]

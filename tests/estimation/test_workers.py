@@ -27,6 +27,7 @@ from physim_drake.observation.observation import Detection
 from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import make_pose
 from physim_drake.search.expansion import Rollout
+from physim_drake.search.states import Placement
 from tests.parallel.test_supervised_pool import alive
 from tests.synthetic import (
     ERASER,
@@ -89,7 +90,7 @@ def rollouts(count: int) -> list[tuple[Rollout]]:
 
 
 def run_all(pool: WorkerPool, count: int = 7) -> list[tuple[bytes, int]]:
-    results = pool.map("rollout", rollouts(count))
+    results = pool.map(Worker.rollout, rollouts(count))
     return [(result.poses[0].tobytes(), result.score) for result in results]
 
 
@@ -105,9 +106,10 @@ def test_two_workers_give_the_results_of_one_in_order(
 def test_hypotheses_are_the_same_in_any_worker(
     local: WorkerPool, two: WorkerPool
 ) -> None:
-    arguments: list[tuple[Any, ...]] = [(k, {}, (5, 0, k)) for k in (1, 0, 1)]
-    one = local.map("hypotheses", arguments)
-    other = two.map("hypotheses", arguments)
+    nothing: Placement = {}
+    arguments = [(k, nothing, (5, 0, k)) for k in (1, 0, 1)]
+    one = local.map(Worker.hypotheses, arguments)
+    other = two.map(Worker.hypotheses, arguments)
     for a, b in zip(one, other, strict=True):
         assert a.X_SO.tobytes() == b.X_SO.tobytes()
         assert a.representatives.tolist() == b.representatives.tolist()
@@ -122,7 +124,7 @@ def test_refinement_is_the_same_in_any_worker(
         for n in range(3)
     ]
     for (a, cost_a), (b, cost_b) in zip(
-        local.map("refine", states), two.map("refine", states), strict=True
+        local.map(Worker.refine, states), two.map(Worker.refine, states), strict=True
     ):
         assert cost_a == cost_b
         assert all(a[k].tobytes() == b[k].tobytes() for k in a)
@@ -134,7 +136,7 @@ def test_other_ways_differ_from_the_state_and_each_other_the_best_first(
     state = dict(enumerate(made().X_SO))
     upright = state[1] @ make_pose(turned("x", 90))
     starts = np.stack([perturbed(X, 0.002, 0.02, 0) for X in (state[1], upright)])
-    (ways,) = local.map("other_ways", [(state, 1, np.tile(starts, (2, 1, 1)))])
+    (ways,) = local.map(Worker.other_ways, [(state, 1, np.tile(starts, (2, 1, 1)))])
     costs = [cost for _, cost in ways]
     assert costs == sorted(costs)
     model = small_library()[made().detections[1].object_id]
@@ -149,7 +151,7 @@ def test_other_ways_differ_from_the_state_and_each_other_the_best_first(
 def test_nothing_to_do_gives_nothing(
     workers: str, request: pytest.FixtureRequest
 ) -> None:
-    assert request.getfixturevalue(workers).map("rollout", []) == []
+    assert request.getfixturevalue(workers).map(Worker.rollout, []) == []
 
 
 @pytest.mark.parametrize("workers", ["local", "two"])
@@ -169,9 +171,9 @@ def test_a_user_s_error_arrives_and_the_pool_goes_on(
 
 def test_a_defect_in_one_call_does_not_mix_up_the_next(two: WorkerPool) -> None:
     before = run_all(two, 4)
-    broken: list[tuple[Any, ...]] = [("no rollout",), *rollouts(5)]
+    broken: Any = [("no rollout",), *rollouts(5)]
     with pytest.raises(RuntimeError, match="AttributeError"):
-        two.map("rollout", broken)
+        two.map(Worker.rollout, broken)
     assert run_all(two, 4) == before
 
 
