@@ -13,17 +13,15 @@ import numpy as np
 from physim_drake.closing import Closing
 from physim_drake.errors import InputError
 from physim_drake.estimation.config import EstimationConfig, Method
+from physim_drake.estimation.group_estimator import make_hypotheses
 from physim_drake.estimation.image_estimate import ImageEstimate
 from physim_drake.estimation.scale_check import (
     error_with_warning,
     size_warning,
     with_warning,
 )
-from physim_drake.estimation.scene_search import (
-    SceneSearch,
-    StageClock,
-    make_hypotheses,
-)
+from physim_drake.estimation.scene_search import SceneSearch, SearchedScene
+from physim_drake.estimation.stage_clock import StageClock
 from physim_drake.estimation.workers import Worker, WorkerPool
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.hypotheses.pca import pca_poses
@@ -132,17 +130,17 @@ class PoseEstimator(Closing):
         ]
         found = self._found(detections, large, hypotheses)
         clock.lap("hypotheses")
-        search = SceneSearch(scene, self._library, self._pool, self._config, clock)
         if self._config.method.searches:
-            placed = search.run(found)
+            search = SceneSearch(scene, self._library, self._pool, self._config, clock)
+            searched = search.run(found)
         else:
-            placed = self._register(scene, large, found)
+            searched = SearchedScene(self._register(scene, large, found), {})
             clock.lap("hypotheses")
-        confidences = self._pool.one(Worker.confidences, placed)
+        confidences = self._pool.one(Worker.confidences, searched.placed)
         clock.lap("refinement")
         objects = tuple(
             self._object_estimate(
-                observation, scene, surface.X_WS, k, placed, confidences, search
+                observation, scene, surface.X_WS, k, searched, confidences
             )
             for k in range(len(detections))
         )
@@ -151,7 +149,7 @@ class PoseEstimator(Closing):
             surface,
             str(self._config.method),
             clock.stages,
-            tuple(search.trace),
+            searched.traces,
             tuple(detections),
         )
         warning = size_warning(observation, detections, self._library)
@@ -278,26 +276,25 @@ class PoseEstimator(Closing):
         scene: Scene,
         X_WS: Array,
         k: int,
-        placed: Mapping[int, Array],
+        searched: SearchedScene,
         confidences: Mapping[int, float],
-        search: SceneSearch,
     ) -> ObjectEstimate:
         segment = scene.segments[k]
         name = self._library[segment.object_id].name
         reason = self._why_not_found(
-            segment, confidences.get(k), k in search.in_the_way
+            segment, confidences.get(k), k in searched.excluded
         )
         if reason:
             return ObjectEstimate(segment.object_id, name, None, None, 0.0, reason)
-        X_SO = placed[k].copy()
+        X_SO = searched.placed[k].copy()
         X_SO[:3, :3] = nearest_rotation(X_SO[:3, :3])
         X_CO = scene.X_CS @ X_SO
         X_WO = X_WS @ X_SO if observation.X_WC is None else observation.X_WC @ X_CO
-        confidence = confidences[k] * search.shares.get(k, 1.0)
+        confidence = confidences[k] * searched.shares.get(k, 1.0)
         return ObjectEstimate(segment.object_id, name, X_CO, X_WO, confidence, "")
 
     def _why_not_found(
-        self, segment: Segment, confidence: float | None, in_the_way: bool
+        self, segment: Segment, confidence: float | None, excluded: bool
     ) -> str:
         """Empty where it is found; `confidence` is None where it has no pose.
 
@@ -306,7 +303,7 @@ class PoseEstimator(Closing):
         """
         if not segment.detection.seen:
             return "the detector did not see it"
-        if in_the_way:
+        if excluded:
             return "no pose of it fits beside the other objects"
         if confidence is None:
             count, least = len(segment.points), self._config.min_segment_points
