@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from physim_drake.estimation.preparation import PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.observation.observation import Detection, RgbdObservation
-from physim_drake.observation.segmented_scene import Scene
 from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
 
 
@@ -18,23 +18,27 @@ class SceneHypotheses:
     """The pose hypotheses of all objects in one image.
 
     Attributes:
-        scene: the image cut into segments; poses are in the frame S of its surface.
+        prepared: the image cut into segments; poses are in the frame S of its surface.
         objects: one for each detection, in their order.
     """
 
-    scene: Scene
+    prepared: PreparedScene
     objects: tuple[PoseHypotheses, ...]
 
 
 class HypothesisAlgorithm(Protocol):
     """What a `HypothesisGenerator` asks; `PoseEstimator` is one."""
 
-    def hypotheses(
+    def prepare(
         self,
         observation: RgbdObservation,
         detections: Sequence[Detection],
         surface_height: float | None = None,
-    ) -> tuple[Scene, list[PoseHypotheses]]:
+    ) -> PreparedScene:
+        """See `PoseEstimator.prepare`."""
+        ...
+
+    def hypotheses(self, prepared: PreparedScene) -> Sequence[PoseHypotheses]:
         """See `PoseEstimator.hypotheses`."""
         ...
 
@@ -56,11 +60,10 @@ class HypothesisGenerator(Stage):
     (Stamped[SceneHypotheses]).
 
     Args:
-        algorithm: makes them; give it to the estimator too, so that workers and the
-            prepared scene are shared.
-        surface_height: z of the support surface in the world, m; found in the image
-            where it is None.
-        timing: when.
+        algorithm: makes them; give it to the estimator too, so that workers are shared.
+        surface_height: z of the support surface in the world, m; found in the image if
+            None.
+        timing: when inputs are looked at and results are shown.
     """
 
     def __init__(
@@ -78,7 +81,8 @@ class HypothesisGenerator(Stage):
 
     def work(self, look: Look) -> tuple[Any, ...]:
         """Makes the hypotheses."""
-        scene, objects = self._algorithm.hypotheses(
+        prepared = self._algorithm.prepare(
             look["observation"], look["detections"], self._surface_height
         )
-        return (SceneHypotheses(scene, tuple(objects)),)
+        objects = self._algorithm.hypotheses(prepared)
+        return (SceneHypotheses(prepared, tuple(objects)),)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+from physim_drake.estimation.preparation import PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.scene_estimate import SceneEstimate
@@ -21,9 +22,16 @@ class EstimationAlgorithm(Protocol):
         observation: RgbdObservation,
         detections: Sequence[Detection],
         surface_height: float | None = None,
-        hypotheses: Sequence[PoseHypotheses] | None = None,
     ) -> SceneEstimate:
         """See `PoseEstimator.estimate`."""
+        ...
+
+    def estimate_prepared(
+        self,
+        prepared: PreparedScene,
+        hypotheses: Sequence[PoseHypotheses] | None = None,
+    ) -> SceneEstimate:
+        """See `PoseEstimator.estimate_prepared`."""
         ...
 
 
@@ -41,17 +49,17 @@ class MctsPoseEstimator(Stage):
         - scene_estimate
 
     Inputs: ``observation`` (Stamped[RgbdObservation]), ``detections``
-    (Stamped[tuple[Detection, ...]]), ``hypotheses`` (Stamped[SceneHypotheses]); where
+    (Stamped[tuple[Detection, ...]]), ``hypotheses`` (Stamped[SceneHypotheses]); if
     that is not connected, the algorithm makes them. Output: ``scene_estimate``
     (Stamped[SceneEstimate]), poses in camera and world, m. An object that is detected
     but not found says so in the estimate; without a support surface there is no
     estimate, but an `error`.
 
     Args:
-        algorithm: does it.
-        surface_height: z of the support surface in the world, m; found in the image
-            where it is None.
-        timing: when.
+        algorithm: estimates the poses.
+        surface_height: z of the support surface in the world, m; found in the image if
+            None.
+        timing: when inputs are looked at and results are shown.
     """
 
     def __init__(
@@ -75,11 +83,10 @@ class MctsPoseEstimator(Stage):
     def work(self, look: Look) -> tuple[Any, ...]:
         """Estimates the scene."""
         made: SceneHypotheses | None = look["hypotheses"]
+        if made is not None:
+            return (self._algorithm.estimate_prepared(made.prepared, made.objects),)
         return (
             self._algorithm.estimate(
-                look["observation"],
-                look["detections"],
-                self._surface_height,
-                None if made is None else made.objects,
+                look["observation"], look["detections"], self._surface_height
             ),
         )

@@ -16,7 +16,7 @@ from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.detections import load_detections, warn_of_left_out
 from physim_drake.datasets.results import ResultRow
 from physim_drake.errors import InputError
-from physim_drake.estimation.estimator import Request
+from physim_drake.estimation.preparation import EstimationRequest
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
 from physim_drake.observation.observation import Detection, RgbdObservation
@@ -270,14 +270,14 @@ def estimate_images(
     """
     read: deque[tuple[ImageId, RgbdObservation, float]] = deque()
 
-    def requests() -> Iterator[Request]:
+    def requests() -> Iterator[EstimationRequest]:
         """Reads the images, as the estimator asks for them."""
         for image in images:
             start = time.monotonic()
             observation = dataset.observation(*image)
             chosen = detections(image)
             read.append((image, observation, time.monotonic() - start))
-            yield observation, chosen, surface_height
+            yield EstimationRequest(observation, chosen, surface_height)
 
     estimates = estimator.estimate_all(requests())
     while True:

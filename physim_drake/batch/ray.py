@@ -9,7 +9,9 @@ from functools import partial
 
 from physim_drake.closing import Closing
 from physim_drake.errors import InputError
-from physim_drake.estimation.estimator import EstimationConfig, PoseEstimator, Request
+from physim_drake.estimation.config import EstimationConfig
+from physim_drake.estimation.estimator import PoseEstimator
+from physim_drake.estimation.preparation import EstimationRequest
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.parallel.engine import Engine
 from physim_drake.parallel.ray_pool import RayPool, in_order
@@ -28,7 +30,9 @@ class RayEstimator(Closing):
         alone = replace(config, workers=1)
         self._pool = RayPool(partial(_RemoteEstimator, library, alone))
 
-    def estimate_all(self, requests: Iterable[Request]) -> Iterator[SceneEstimate]:
+    def estimate_all(
+        self, requests: Iterable[EstimationRequest]
+    ) -> Iterator[SceneEstimate]:
         """Estimates many scenes at once; gives them in the order of the requests."""
         answers: Iterator[tuple[int, SceneEstimate | InputError]] = self._pool.stream(
             _RemoteEstimator.estimate.__name__, ((request,) for request in requests)
@@ -49,10 +53,11 @@ class _RemoteEstimator:
     def __init__(self, library: ObjectLibrary, config: EstimationConfig) -> None:
         self._estimator = PoseEstimator(library, config)
 
-    def estimate(self, request: Request) -> SceneEstimate | InputError:
+    def estimate(self, request: EstimationRequest) -> SceneEstimate | InputError:
         """An error is an answer, too: those to earlier requests come before it."""
         try:
-            return self._estimator.estimate(*request)
+            (estimate,) = self._estimator.estimate_all([request])
+            return estimate
         except InputError as error:
             return error
 

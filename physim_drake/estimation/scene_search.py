@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from physim_drake.estimation.config import EstimationConfig
 from physim_drake.estimation.group_estimator import GroupEstimator, SearchedGroup
@@ -32,7 +32,7 @@ class SearchedScene:
     """
 
     placed: dict[int, Array]
-    shares: dict[int, float]
+    shares: dict[int, float] = field(default_factory=dict)
     excluded: frozenset[int] = frozenset()
     traces: tuple[SearchTrace, ...] = ()
 

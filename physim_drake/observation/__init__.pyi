@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-from .detection_alternatives import RivalConfig as RivalConfig
 from .detection_alternatives import rival_choices as rival_choices
-from .detection_selection import AssignmentConfig as AssignmentConfig
 from .detection_selection import ChoiceConfig as ChoiceConfig
 from .detection_selection import assign_detections as assign_detections
 from .detection_selection import choose_detections as choose_detections

@@ -10,31 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from physim_drake.observation.detection_selection import AssignmentConfig, are_nested
+from physim_drake.observation.detection_selection import SAME_THING, are_nested
 from physim_drake.observation.observation import Detection
 
-
-@dataclass(frozen=True)
-class RivalConfig:
-    """Which other choices are worth an estimate.
-
-    Attributes:
-        unsure: only objects detected with less than this score are moved elsewhere.
-        overlap: see `AssignmentConfig`.
-        most: so many choices are tried.
-    """
-
-    unsure: float = 0.5
-    overlap: float = AssignmentConfig.overlap
-    most: int = 3
+UNSURE_BELOW = 0.5
+"""Only objects that are detected with less than this score are moved elsewhere."""
 
 
 def rival_choices(
-    detections: Sequence[Detection],
-    shape: tuple[int, int],
-    config: RivalConfig = RivalConfig(),
+    detections: Sequence[Detection], shape: tuple[int, int], most: int = 3
 ) -> list[tuple[Detection, ...]]:
     """Other detections of the same objects, the likeliest first.
 
@@ -44,17 +29,17 @@ def rival_choices(
     Args:
         detections: of one image; nothing else is known of those without `instead`.
         shape: (height, width) of the image.
-        config: which choices.
+        most: number of choices at most.
     """
     choices = [
         choice
         for k, detection in enumerate(detections)
-        if detection.score < config.unsure
+        if detection.score < UNSURE_BELOW
         for place in detection.instead
-        if (choice := _moved(detections, k, place, shape, config.overlap))
+        if (choice := _moved(detections, k, place, shape))
     ]
     choices.sort(key=lambda choice: -math.prod(d.score for d in choice))
-    return choices[: config.most]
+    return choices[:most]
 
 
 def _moved(
@@ -62,12 +47,11 @@ def _moved(
     index: int,
     place: Detection,
     shape: tuple[int, int],
-    overlap: float,
 ) -> tuple[Detection, ...]:
-    """The detections with one elsewhere; none where another has nowhere to go."""
+    """The detections with one elsewhere; none if another has nowhere to go."""
 
     def same(one: Detection, other: Detection) -> bool:
-        return are_nested(one.pixels(*shape), other.pixels(*shape), overlap)
+        return are_nested(one.pixels(*shape), other.pixels(*shape), SAME_THING)
 
     choice = list(detections)
     choice[index] = place

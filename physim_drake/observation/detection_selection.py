@@ -16,6 +16,16 @@ from scipy.optimize import linear_sum_assignment
 
 from physim_drake.observation.observation import Detection, Mask
 
+SAME_THING = 0.6
+"""Two detections that share more of the smaller one's pixels are of one thing."""
+
+_MISTAKEN = 0.2
+"""How likely a thing is another object than the network is surest of, if it also sees
+that one in it: this share of what it is surer by."""
+
+_UNSEEN = 0.05  # how likely it is that an object is not seen
+_SOMETHING = 0.5  # with this score of any object, a thing may be one that is not seen
+
 
 @dataclass(frozen=True)
 class ChoiceConfig:
@@ -65,30 +75,10 @@ def choose_detections(
     return tuple(chosen)
 
 
-@dataclass(frozen=True)
-class AssignmentConfig:
-    """How likely it is which thing in an image is which object.
-
-    Attributes:
-        overlap: where two detections share more than this of the smaller one's pixels,
-            they are of one thing.
-        mistaken: how likely a thing is another object than the network is surest of,
-            where it sees that one in it, too: this share of what it is surer by.
-        unseen: how likely it is that an object is not seen.
-        something: with this score of any object, a thing may be one that is not seen.
-    """
-
-    overlap: float = 0.6
-    mistaken: float = 0.2
-    unseen: float = 0.05
-    something: float = 0.5
-
-
 def assign_detections(
     found: Iterable[Detection],
     counts: Mapping[int, int],
     shape: tuple[int, int],
-    config: AssignmentConfig = AssignmentConfig(),
 ) -> tuple[Detection, ...]:
     """The most likely detections of objects that are known to be there.
 
@@ -100,7 +90,6 @@ def assign_detections(
         found: detections in an image, of all objects that the network knows.
         counts: how many of each object are there.
         shape: (height, width) of the image.
-        config: what is likely.
 
     Returns:
         one for each in the order of `counts`. Its `instead` is what else the network
@@ -108,23 +97,23 @@ def assign_detections(
         things that are none of the others.
     """
     found = sorted(found, key=lambda d: -d.score)
-    things = _things(found, shape, config.overlap)
+    things = _things(found, shape)
     wanted = [object_id for object_id, count in counts.items() for _ in range(count)]
-    cost = np.full((len(wanted), len(things) + len(wanted)), -math.log(config.unseen))
-    scores = [[_score(i, thing, config.mistaken) for thing in things] for i in wanted]
+    cost = np.full((len(wanted), len(things) + len(wanted)), -math.log(_UNSEEN))
+    scores = [[_score(i, thing) for thing in things] for i in wanted]
     with np.errstate(divide="ignore"):
         cost[:, : len(things)] = -np.log(np.reshape(scores, (len(wanted), len(things))))
     _, columns = linear_sum_assignment(cost)
     left = [
-        replace(thing[0], score=config.mistaken * thing[0].score)
+        replace(thing[0], score=_MISTAKEN * thing[0].score)
         for k, thing in enumerate(things)
-        if k not in columns and thing[0].score >= config.something
+        if k not in columns and thing[0].score >= _SOMETHING
     ]
     assigned = []
     for object_id, k, score in zip(wanted, columns, scores, strict=True):
         if k < len(things):
             chosen = replace(things[k][0], object_id=object_id, score=score[k])
-            instead = _instead(chosen, found, shape, config)
+            instead = _instead(chosen, found, shape)
         else:
             chosen = Detection.unseen(object_id, *shape)
             instead = tuple(replace(d, object_id=object_id) for d in left)
@@ -136,7 +125,6 @@ def _instead(
     chosen: Detection,
     found: Iterable[Detection],
     shape: tuple[int, int],
-    config: AssignmentConfig,
 ) -> tuple[Detection, ...]:
     """Where else the network sees an object, the likeliest first."""
     pixels = chosen.pixels(*shape)
@@ -144,13 +132,13 @@ def _instead(
         d
         for d in found
         if d.object_id == chosen.object_id
-        and d.score >= config.unseen
-        and not are_nested(d.pixels(*shape), pixels, config.overlap)
+        and d.score >= _UNSEEN
+        and not are_nested(d.pixels(*shape), pixels, SAME_THING)
     )
 
 
 def _things(
-    found: Iterable[Detection], shape: tuple[int, int], overlap: float
+    found: Iterable[Detection], shape: tuple[int, int]
 ) -> list[list[Detection]]:
     """The detections of each thing, surest first as they are given.
 
@@ -163,7 +151,7 @@ def _things(
             continue
         for mask, of_thing in things:
             alike = any(d.object_id == detection.object_id for d in of_thing)
-            if not alike and are_nested(pixels, mask, overlap):
+            if not alike and are_nested(pixels, mask, SAME_THING):
                 of_thing.append(detection)
                 break
         else:
@@ -171,10 +159,10 @@ def _things(
     return [of_thing for _, of_thing in things]
 
 
-def _score(object_id: int, thing: list[Detection], mistaken: float) -> float:
+def _score(object_id: int, thing: list[Detection]) -> float:
     """How likely a thing is this object; 0 where the network does not see it there."""
     own = next((d.score for d in thing if d.object_id == object_id), None)
-    return 0.0 if own is None else own + mistaken * (thing[0].score - own)
+    return 0.0 if own is None else own + _MISTAKEN * (thing[0].score - own)
 
 
 def are_nested(one: Mask, other: Mask, overlap: float) -> bool:

@@ -193,14 +193,11 @@ def explain_image(
             first = estimator.estimate(observation, detections, surface_height)
             detections = list(first.detections)
         start = time.monotonic()
-        scene, hypotheses = estimator.hypotheses(
-            observation, detections, surface_height
-        )
-        taken = time.monotonic() - start
+        prepared = estimator.prepare(observation, detections, surface_height)
+        scene, hypotheses = prepared.segmented, estimator.hypotheses(prepared)
+        taken = time.monotonic() - start - prepared.seconds
         told("estimating")
-        estimate = estimator.estimate(
-            observation, detections, surface_height, hypotheses
-        )
+        estimate = estimator.estimate_prepared(prepared, hypotheses)
     told("watching the search")
     graph = dependency_graph(scene.segments, scene.X_CS)
     usable = {
@@ -226,7 +223,7 @@ def explain_image(
 
 
 def _seconds(estimate: SceneEstimate, before: float) -> dict[str, float]:
-    """By stage; preparing the scene, done `before`, belongs to the hypotheses."""
+    """By stage; `before` was spent on hypotheses, to which preparing belongs."""
     seconds = {"hypotheses": before}
     for stage, taken in estimate.stages.items():
         name = stage if stage in ("search", "refinement") else "hypotheses"

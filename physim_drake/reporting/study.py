@@ -221,11 +221,12 @@ class Study:
         """Each detected object's hypotheses, X_CS, and true pose."""
         observation = self.dataset.observation(*image)
         detections = self.detections(image)
-        scene, found = estimator.hypotheses(observation, detections)
+        prepared = estimator.prepare(observation, detections)
+        found = estimator.hypotheses(prepared)
         for detection, hypotheses in zip(detections, found, strict=True):
             if len(hypotheses.X_SO):
                 truth = self._truth(image, detection.object_id, detection.box)
-                yield hypotheses, scene.X_CS, truth
+                yield hypotheses, prepared.segmented.X_CS, truth
 
     def _truth(self, image: ImageId, object_id: int, box: Array) -> GroundTruthPose:
         """The true pose that projects nearest to the middle of a detection."""

@@ -50,9 +50,6 @@ class Shifted:
         moved = tuple(self._moved(item) for item in estimate.objects)
         return replace(estimate, objects=moved)
 
-    def hypotheses(self, *arguments: Any) -> Any:
-        return self._estimator.hypotheses(*arguments)
-
     def _moved(self, item: ObjectEstimate) -> ObjectEstimate:
         if item.X_WO is None:
             return item

@@ -78,12 +78,13 @@ def test_what_the_image_does_not_confirm_is_not_found() -> None:
     first, second = apart().detections
     wrong = [replace(first, object_id=BOOK), second]
     with PoseEstimator(small_library(), quick(rounds=1)) as estimator:
-        _, hypotheses = estimator.hypotheses(apart().observation, wrong)
+        prepared = estimator.prepare(apart().observation, wrong)
+        hypotheses = estimator.hypotheses(prepared)
 
     def with_least(least: float | None) -> SceneEstimate:
         config = replace(quick(rounds=1), least_confidence=least)
         with PoseEstimator(small_library(), config) as estimator:
-            return estimator.estimate(apart().observation, wrong, None, hypotheses)
+            return estimator.estimate_prepared(prepared, hypotheses)
 
     everything = with_least(0.0)
     book, soap = everything.objects

@@ -259,13 +259,12 @@ def test_hypotheses_made_before_are_used_in_place_of_new_ones(
     made = apart()
     with PoseEstimator(small_library(), quick(method, rounds=1)) as estimator:
         fresh = estimator.estimate(made.observation, made.detections)
-        _, hypotheses = estimator.hypotheses(made.observation, made.detections)
+        prepared = estimator.prepare(made.observation, made.detections)
+        hypotheses = estimator.hypotheses(prepared)
         for name in ("prepare_scene", "find_support_surface"):
-            monkeypatch.delattr(f"physim_drake.estimation.estimator.{name}")
+            monkeypatch.delattr(f"physim_drake.estimation.preparation.{name}")
         monkeypatch.delattr("physim_drake.estimation.workers.generate_hypotheses")
-        given = estimator.estimate(
-            made.observation, made.detections, hypotheses=hypotheses
-        )
+        given = estimator.estimate_prepared(prepared, hypotheses)
     assert poses(given) == poses(fresh)
     assert [o.confidence for o in given.objects] == [
         o.confidence for o in fresh.objects
@@ -277,16 +276,14 @@ def with_hypotheses(
 ) -> SceneEstimate:
     """The estimate of a scene of one object with these hypotheses, best first."""
     with PoseEstimator(small_library(), config) as estimator:
-        scene, _ = estimator.hypotheses(made.observation, made.detections, 0.0)
-        X_SO = inverse(scene.X_CS) @ inverse(X_WC) @ np.stack(X_WO)
+        prepared = estimator.prepare(made.observation, made.detections, 0.0)
+        X_SO = inverse(prepared.segmented.X_CS) @ inverse(X_WC) @ np.stack(X_WO)
         (detection,) = made.detections
         count = len(X_WO)
         given = PoseHypotheses(
             detection.object_id, X_SO, np.linspace(0.9, 0.8, count), np.arange(count)
         )
-        return estimator.estimate(
-            made.observation, made.detections, 0.0, hypotheses=[given]
-        )
+        return estimator.estimate_prepared(prepared, [given])
 
 
 def test_an_object_whose_hypotheses_are_all_upside_down_is_turned_over() -> None:
@@ -324,11 +321,10 @@ def test_an_object_that_fits_two_ways_claims_neither(first: int) -> None:
 def test_hypotheses_are_one_for_each_detection() -> None:
     made = apart()
     with PoseEstimator(small_library(), quick(Method.SUPER4PCS_ICP)) as estimator:
-        _, hypotheses = estimator.hypotheses(made.observation, made.detections)
+        prepared = estimator.prepare(made.observation, made.detections)
+        hypotheses = estimator.hypotheses(prepared)
         with pytest.raises(ValueError, match="shorter"):
-            estimator.estimate(
-                made.observation, made.detections, hypotheses=hypotheses[:1]
-            )
+            estimator.estimate_prepared(prepared, hypotheses[:1])
 
 
 @pytest.mark.parametrize("method", [Method.PHYSIM_MCTS, Method.PCA_ICP])

@@ -3,16 +3,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from physim_drake.observation.detection_alternatives import RivalConfig, rival_choices
+from physim_drake.observation.detection_alternatives import rival_choices
 from physim_drake.observation.observation import Detection
 from tests.observation.test_detection_selection import SHAPE, seen
 
 
-def choices(
-    *detections: Detection, config: RivalConfig | None = None
-) -> list[list[float]]:
+def choices(*detections: Detection, most: int = 3) -> list[list[float]]:
     """Where each object is, choice by choice."""
-    found = rival_choices(detections, SHAPE, config or RivalConfig())
+    found = rival_choices(detections, SHAPE, most)
     return [[float(d.box[0]) for d in choice] for choice in found]
 
 
@@ -25,7 +23,7 @@ def test_an_unsure_object_is_tried_elsewhere_the_likeliest_first() -> None:
     places = (seen(1, 0.1, 40), seen(1, 0.3, 20), seen(1, 0.2, 60))
     unsure = replace(seen(1, 0.4, 0), instead=places)
     assert choices(unsure) == [[20], [60], [40]]
-    assert choices(unsure, config=RivalConfig(most=1)) == [[20]]
+    assert choices(unsure, most=1) == [[20]]
 
 
 def test_two_things_are_exchanged() -> None:

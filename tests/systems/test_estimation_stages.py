@@ -10,6 +10,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from physim_drake.errors import InputError
+from physim_drake.estimation.preparation import PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.hypothesis_generator import (
@@ -30,23 +31,28 @@ class FakeEstimator:
         self._made, self._refuses = made, refuses
         self.asked: list[tuple[Any, ...]] = []
 
-    def hypotheses(
+    def prepare(
         self, observation: Any, detections: Any, surface_height: float | None = None
-    ) -> tuple[Any, list[PoseHypotheses]]:
-        self._ask("hypotheses", detections, surface_height)
+    ) -> PreparedScene:
+        self._ask("prepare", detections, surface_height)
+        made = self._made
+        return PreparedScene(observation, detections, made.surface, made.scene())
+
+    def hypotheses(self, prepared: PreparedScene) -> list[PoseHypotheses]:
+        self._ask("hypotheses", prepared)
         none = np.zeros((0, 4, 4)), np.zeros(0), np.zeros(0, dtype=np.int64)
-        return self._made.scene(), [
-            PoseHypotheses(d.object_id, *none) for d in detections
-        ]
+        return [PoseHypotheses(d.object_id, *none) for d in prepared.detections]
+
+    def estimate_prepared(
+        self, prepared: PreparedScene, hypotheses: Any = None
+    ) -> SceneEstimate:
+        self._ask("estimate prepared", prepared, hypotheses)
+        return SceneEstimate((), self._made.surface, "fake", {})
 
     def estimate(
-        self,
-        observation: Any,
-        detections: Any,
-        surface_height: float | None = None,
-        hypotheses: Any = None,
+        self, observation: Any, detections: Any, surface_height: float | None = None
     ) -> SceneEstimate:
-        self._ask("estimate", detections, surface_height, hypotheses)
+        self._ask("estimate", detections, surface_height)
         return SceneEstimate((), self._made.surface, "fake", {})
 
     def _ask(self, *question: Any) -> None:
@@ -88,14 +94,13 @@ def run(
 def test_hypotheses_are_made_once_and_go_to_the_estimator(made: SyntheticScene) -> None:
     fake = FakeEstimator(made)
     hypotheses, estimate = run(fake, made)
-    assert [question[0] for question in fake.asked] == ["hypotheses", "estimate"]
-    assert all(question[2] == 0.1 for question in fake.asked)
     assert hypotheses.value is not None
-    assert fake.asked[1][3] is hypotheses.value.objects
-    assert fake.asked[1][1] is made.detections
-    assert hypotheses.value.scene.object_ids == tuple(
-        d.object_id for d in made.detections
-    )
+    prepared = hypotheses.value.prepared
+    assert fake.asked == [
+        ("prepare", made.detections, 0.1),
+        ("hypotheses", prepared),
+        ("estimate prepared", prepared, hypotheses.value.objects),
+    ]
     assert estimate.value is not None
     assert (estimate.value.method, estimate.number) == ("fake", 1)
 
@@ -103,8 +108,9 @@ def test_hypotheses_are_made_once_and_go_to_the_estimator(made: SyntheticScene) 
 def test_without_a_generator_the_estimator_makes_its_own(made: SyntheticScene) -> None:
     fake = FakeEstimator(made)
     run(fake, made, with_generator=False)
-    (question,) = [q for q in fake.asked if q[0] == "estimate"]
-    assert question[3] is None
+    assert [q for q in fake.asked if q[0].startswith("estimate")] == [
+        ("estimate", made.detections, 0.1)
+    ]
 
 
 def test_computing_time_is_simulated(made: SyntheticScene) -> None:
@@ -118,7 +124,7 @@ def test_computing_time_is_simulated(made: SyntheticScene) -> None:
         assert tuple(s.number for s in stamped) == numbers
 
 
-@pytest.mark.parametrize("refuses", ["hypotheses", "estimate"])
+@pytest.mark.parametrize("refuses", ["hypotheses", "estimate prepared"])
 def test_an_image_without_a_surface_is_an_error_of_the_look(
     refuses: str, made: SyntheticScene
 ) -> None:
@@ -126,4 +132,4 @@ def test_an_image_without_a_surface_is_an_error_of_the_look(
     hypotheses, estimate = run(fake, made)
     assert estimate == Stamped(None, 0.0, 1, "support surface: no plane found")
     assert (hypotheses.value is None) == (refuses == "hypotheses")
-    assert len(fake.asked) == (1 if refuses == "hypotheses" else 2)
+    assert len(fake.asked) == (2 if refuses == "hypotheses" else 3)

@@ -23,6 +23,7 @@ from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks.factory import ObjectClass
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import Method
+from physim_drake.estimation.preparation import PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.observation import Detection
@@ -61,20 +62,24 @@ SMALL = PerceptionConfig(
 class Weigher:
     """Estimates nothing, but says with what confidence by the image."""
 
-    def hypotheses(
+    def prepare(
         self, observation: Any, detections: Any, surface_height: float | None = None
-    ) -> tuple[Any, list[PoseHypotheses]]:
+    ) -> PreparedScene:
         surface = surface_at_height(observation, 0.0)
-        none = np.zeros((0, 4, 4)), np.zeros(0), np.zeros(0, dtype=np.int64)
         scene = prepare_scene(observation, surface, detections)
-        return scene, [PoseHypotheses(d.object_id, *none) for d in detections]
+        return PreparedScene(observation, detections, surface, scene)
+
+    def hypotheses(self, prepared: PreparedScene) -> list[PoseHypotheses]:
+        none = np.zeros((0, 4, 4)), np.zeros(0), np.zeros(0, dtype=np.int64)
+        return [PoseHypotheses(d.object_id, *none) for d in prepared.detections]
+
+    def estimate_prepared(
+        self, prepared: PreparedScene, hypotheses: Any = None
+    ) -> SceneEstimate:
+        return self.estimate(prepared.observation, prepared.detections)
 
     def estimate(
-        self,
-        observation: Any,
-        detections: Any,
-        surface_height: float | None = None,
-        hypotheses: Any = None,
+        self, observation: Any, detections: Any, surface_height: float | None = None
     ) -> SceneEstimate:
         weight = float(observation.depth.mean()) + sum(d.box.sum() for d in detections)
         objects = tuple(
