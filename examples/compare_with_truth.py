@@ -23,7 +23,7 @@ from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.overlay import draw_overlay, write_png
 from physim_drake.scene_estimate import SceneEstimate
-from physim_drake.search.tree import SearchConfig
+from physim_drake.search.group_search import SearchConfig
 
 DATASET = Path(__file__).parent / "data" / "tabletop"
 

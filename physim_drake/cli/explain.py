@@ -126,7 +126,7 @@ def explain(
     config = config.with_budget(expansions, hypotheses)
     make_folder(out)
     check_writable(out / "page.html")
-    with Steps(messages(quiet), "step", 4) as steps:
+    with Steps(messages(quiet), "step", 3) as steps:
         steps.begin(0, "making hypotheses")
         explanation = explain_image(
             data,

@@ -10,8 +10,8 @@ from enum import StrEnum
 from physim_drake.errors import InputError
 from physim_drake.estimation.workers import WorkerConfig
 from physim_drake.registration.trimmed_icp import TrimmedIcpConfig
+from physim_drake.search.group_search import SearchConfig
 from physim_drake.search.states import ExpansionConfig
-from physim_drake.search.tree import SearchConfig
 
 LEAST_CONFIDENCE = 0.5
 """Of what is found with a method that searches, if not set: right poses have more."""

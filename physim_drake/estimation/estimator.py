@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from physim_drake.closing import Closing
 from physim_drake.estimation.alternatives import best_alternative
@@ -28,6 +28,7 @@ from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.scene_estimate import SceneEstimate
+from physim_drake.search.record import SearchRecord
 from physim_drake.search.states import Placement
 
 __all__ = [
@@ -131,6 +132,7 @@ class PoseEstimator(Closing):
         self,
         prepared: PreparedScene,
         hypotheses: Sequence[PoseHypotheses] | None = None,
+        on_search: Callable[[SearchRecord], None] | None = None,
     ) -> SceneEstimate:
         """Estimates the pose of every object, each where it was detected.
 
@@ -138,6 +140,7 @@ class PoseEstimator(Closing):
             prepared: what `prepare` returned.
             hypotheses: what the method of that name returned, one for each detection;
                 made here if None.
+            on_search: hears of each search of a group when it is done.
 
         Raises:
             InputError: if an object has no model.
@@ -148,7 +151,7 @@ class PoseEstimator(Closing):
         large = self._large_segments(prepared)
         found = self._hypotheses_of(large, hypotheses, len(prepared.detections))
         clock.lap("hypotheses")
-        searched = self._searched(prepared, large, found, clock)
+        searched = self._searched(prepared, large, found, clock, on_search)
         confidences = self._pool.one(Worker.confidences, searched.placed)
         clock.lap("refinement")
         estimate = SceneEstimate(
@@ -194,11 +197,14 @@ class PoseEstimator(Closing):
         large: Sequence[int],
         found: Mapping[int, PoseHypotheses],
         clock: StageClock,
+        on_search: Callable[[SearchRecord], None] | None,
     ) -> SearchedScene:
         """All objects together, or each object alone, as the method is."""
         scene = prepared.segmented
         if self._config.method.searches:
-            search = SceneSearch(scene, self._library, self._pool, self._config, clock)
+            search = SceneSearch(
+                scene, self._library, self._pool, self._config, clock, on_search
+            )
             return search.run(found)
         if self._config.method.makes_hypotheses:
             placed = register_hypotheses(scene, self._library, found)

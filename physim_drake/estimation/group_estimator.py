@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,13 +24,10 @@ from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array
 from physim_drake.scene_estimate import SearchTrace
 from physim_drake.search.expansion import Rollout, RolloutResult
+from physim_drake.search.group_search import GroupSearch, SearchResult, Selection
+from physim_drake.search.record import SearchRecord
 from physim_drake.search.states import Placement
-from physim_drake.search.tree import (
-    GroupSearch,
-    SearchResult,
-    heuristic_search,
-    monte_carlo_tree_search,
-)
+from physim_drake.search.tree import heuristic_search, monte_carlo_tree_search
 
 CostedState = tuple[dict[int, Array], float]
 """X_SO of objects by their index in the scene, and the state's fine cost in pixels."""
@@ -61,6 +58,7 @@ class GroupEstimator:
         pool: does the computing.
         config: of the search.
         clock: books the seconds of each stage.
+        on_search: hears of each search when it is done.
     """
 
     def __init__(
@@ -70,8 +68,9 @@ class GroupEstimator:
         pool: WorkerPool,
         config: EstimationConfig,
         clock: StageClock,
+        on_search: Callable[[SearchRecord], None] | None = None,
     ) -> None:
-        self._scene, self._pool = scene, pool
+        self._scene, self._pool, self._on_search = scene, pool, on_search
         self._config, self._clock = config, clock
         self._models = {k: library[i] for k, i in enumerate(scene.object_ids)}
 
@@ -201,24 +200,34 @@ class GroupEstimator:
     def _search(
         self, order: Sequence[int], hypotheses: Mapping[int, Array], number: int
     ) -> SearchResult:
-        def run(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
-            """The results, in the order of the rollouts."""
-            # The longest first, so that no worker waits long for another's last one.
-            longest = sorted(enumerate(rollouts), key=lambda item: -len(item[1].steps))
-            results = self._pool.map(
-                Worker.rollout, [(rollout,) for _, rollout in longest]
-            )
-            by_number = {n: r for (n, _), r in zip(longest, results, strict=True)}
-            return [by_number[n] for n in range(len(rollouts))]
-
+        """The search of round `number`."""
         config = self._config.search
         if number > 0:  # what is doubtful is worth all expansions
             config = replace(config, patience=math.inf)
-        search = GroupSearch(order, [hypotheses[k] for k in order], run, config)
+        selections: list[Selection] = []
+        search = GroupSearch(
+            order,
+            [hypotheses[k] for k in order],
+            self._run_rollouts,
+            config,
+            observer=selections.append,
+        )
         if self._config.method is Method.PHYSIM_HEURISTIC:
-            return heuristic_search(search)
-        generator = np.random.default_rng([self._config.seed, number, *order])
-        return monte_carlo_tree_search(search, generator)
+            result = heuristic_search(search)
+        else:
+            generator = np.random.default_rng([self._config.seed, number, *order])
+            result = monte_carlo_tree_search(search, generator)
+        if self._on_search is not None:
+            self._on_search(SearchRecord(tuple(selections), result))
+        return result
+
+    def _run_rollouts(self, rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+        """The results, in the order of the rollouts."""
+        # The longest first, so that no worker waits long for another's last one.
+        longest = sorted(enumerate(rollouts), key=lambda item: -len(item[1].steps))
+        results = self._pool.map(Worker.rollout, [(rollout,) for _, rollout in longest])
+        by_number = {n: r for (n, _), r in zip(longest, results, strict=True)}
+        return [by_number[n] for n in range(len(rollouts))]
 
 
 def make_hypotheses(

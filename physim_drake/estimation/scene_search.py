@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from physim_drake.estimation.config import EstimationConfig
@@ -16,6 +16,7 @@ from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array
 from physim_drake.scene_estimate import SearchTrace
 from physim_drake.search.dependency import dependency_graph
+from physim_drake.search.record import SearchRecord
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class SceneSearch:
         pool: does the computing.
         config: of the search.
         clock: books the seconds of each stage.
+        on_search: hears of each search of a group when it is done.
     """
 
     def __init__(
@@ -55,10 +57,11 @@ class SceneSearch:
         pool: WorkerPool,
         config: EstimationConfig,
         clock: StageClock,
+        on_search: Callable[[SearchRecord], None] | None = None,
     ) -> None:
         self._scene, self._pool = scene, pool
         self._config, self._clock = config, clock
-        self._estimator = GroupEstimator(scene, library, pool, config, clock)
+        self._estimator = GroupEstimator(scene, library, pool, config, clock, on_search)
         self._groups: dict[tuple[int, ...], SearchedGroup] = {}  # searched so far
 
     def run(self, found: Mapping[int, PoseHypotheses]) -> SearchedScene:

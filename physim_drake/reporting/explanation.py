@@ -14,7 +14,10 @@ from physim_drake.batch.images import DetectionLookup, match_detections
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
 from physim_drake.errors import InputError
-from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
+from physim_drake.estimation.alternatives import best_alternative
+from physim_drake.estimation.config import EstimationConfig, Method
+from physim_drake.estimation.estimator import PoseEstimator
+from physim_drake.estimation.preparation import EstimationRequest, PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Detection, Mask, RgbdObservation
@@ -23,9 +26,9 @@ from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import SceneLabels, render_labels
-from physim_drake.reporting.search_record import SearchRecord, record_searches
 from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.search.dependency import DependencyGraph, dependency_graph
+from physim_drake.search.record import SearchRecord
 
 
 @dataclass(frozen=True)
@@ -188,43 +191,91 @@ def explain_image(
     wanted = dataset.targets() if targets is None else targets
     observation = dataset.observation(*image)
     detections = match_detections(wanted, image, look_up(image), source)
+    attempts: list[_Attempt] = []
+
+    def attempt(chosen: Sequence[Detection]) -> SceneEstimate:
+        """Estimates with these detections, and keeps how."""
+        request = EstimationRequest(observation, chosen, surface_height)
+        attempts.append(_attempt(estimator, request, None if attempts else told))
+        return attempts[-1].estimate
+
     with PoseEstimator(library, config) as estimator:
-        if any(d.instead for d in detections):
-            first = estimator.estimate(observation, detections, surface_height)
-            detections = list(first.detections)
-        start = time.monotonic()
-        prepared = estimator.prepare(observation, detections, surface_height)
-        scene, hypotheses = prepared.segmented, estimator.hypotheses(prepared)
-        taken = time.monotonic() - start - prepared.seconds
-        told("estimating")
-        estimate = estimator.estimate_prepared(prepared, hypotheses)
-    told("watching the search")
-    graph = dependency_graph(scene.segments, scene.X_CS)
-    usable = {
-        k: h
-        for k, h in enumerate(hypotheses)
-        if len(h.X_SO) and len(scene.segments[k].points) >= config.min_segment_points
-    }
+        shape = observation.depth.shape
+        best = best_alternative(attempt, detections, shape, config)
+    (way,) = (a for a in attempts if a.estimate.objects is best.objects)
+    scene = way.prepared.segmented
     return Explanation(
         image,
         observation,
-        tuple(detections),
+        way.prepared.detections,
         library,
         config,
         surface_height,
         scene,
-        tuple(hypotheses),
-        graph,
-        record_searches(scene, graph, usable, library, config),
-        estimate,
-        match_truth(detections, dataset.ground_truth(*image), observation.intrinsics),
-        _seconds(estimate, taken),
+        way.hypotheses,
+        dependency_graph(scene.segments, scene.X_CS),
+        way.first_searches(),
+        way.estimate,
+        match_truth(
+            way.prepared.detections,
+            dataset.ground_truth(*image),
+            observation.intrinsics,
+        ),
+        _seconds(way.estimate, way.seconds),
     )
 
 
-def _seconds(estimate: SceneEstimate, before: float) -> dict[str, float]:
-    """By stage; `before` was spent on hypotheses, to which preparing belongs."""
-    seconds = {"hypotheses": before}
+@dataclass(frozen=True)
+class _Attempt:
+    """An estimate, and how it came about.
+
+    Attributes:
+        prepared: the image with the detections of this estimate.
+        hypotheses: of each object.
+        seconds: taken for them.
+        searches: in their order.
+        estimate: what came of it all.
+    """
+
+    prepared: PreparedScene
+    hypotheses: tuple[PoseHypotheses, ...]
+    seconds: float
+    searches: tuple[SearchRecord, ...]
+    estimate: SceneEstimate
+
+    def first_searches(self) -> tuple[SearchRecord, ...]:
+        """The first search of each group; those of some of its objects come later."""
+        first: list[SearchRecord] = []
+        seen: set[int] = set()
+        for record in self.searches:
+            if seen.isdisjoint(record.order):
+                first.append(record)
+                seen |= {*record.order}
+        return tuple(first)
+
+
+def _attempt(
+    estimator: PoseEstimator,
+    request: EstimationRequest,
+    told: Callable[[str], None] | None,
+) -> _Attempt:
+    """Estimates a scene and keeps what each stage gave."""
+    prepared = estimator.prepare(
+        request.observation, request.detections, request.surface_height
+    )
+    start = time.monotonic()
+    hypotheses = estimator.hypotheses(prepared)
+    seconds = time.monotonic() - start
+    if told is not None:
+        told("estimating")
+    searches: list[SearchRecord] = []
+    estimate = estimator.estimate_prepared(prepared, hypotheses, searches.append)
+    return _Attempt(prepared, hypotheses, seconds, tuple(searches), estimate)
+
+
+def _seconds(estimate: SceneEstimate, hypotheses: float) -> dict[str, float]:
+    """By stage; preparing the scene belongs to the hypotheses, made before it, s."""
+    seconds = {"hypotheses": hypotheses}
     for stage, taken in estimate.stages.items():
         name = stage if stage in ("search", "refinement") else "hypotheses"
         seconds[name] = seconds.get(name, 0.0) + taken

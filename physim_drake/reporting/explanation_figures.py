@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 
 from physim_drake.reporting.explanation import Explanation
 from physim_drake.reporting.html import page_style, svg
-from physim_drake.reporting.search_record import SearchRecord, TreeNode
 from physim_drake.scene_estimate import SearchTrace
+from physim_drake.search.record import SearchRecord, TreeNode
 
 _ALL, _KEPT, _BEST, _TRUE = "#7f9fc4", "#e08214", "#d62728", "#2ca02c"
 _SHOWN = 800  # poses on a map

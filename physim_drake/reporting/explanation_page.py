@@ -28,7 +28,7 @@ from physim_drake.reporting.explanation_words import (
     verdict,
 )
 from physim_drake.reporting.html import jpeg, render_page
-from physim_drake.reporting.search_record import SearchRecord
+from physim_drake.search.record import SearchRecord
 from physim_drake.storage.files import write_atomically
 
 _FRAMES = 4  # of the best states over time

@@ -45,7 +45,7 @@ def test_writes_a_page_and_tells_where(
     path = out / "000001_000000.html"
     told = capsys.readouterr()
     assert told.out == f"{path}\n"
-    steps = ("1 of 4 steps, estimating", "watching the search", "3 of 4 steps, drawing")
+    steps = ("1 of 3 steps, estimating", "2 of 3 steps, drawing")
     assert all(step in told.err for step in steps)
     page = path.read_text()
     assert "6 expansions a group" in page

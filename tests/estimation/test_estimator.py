@@ -27,7 +27,7 @@ from physim_drake.registration.registration_model import (
     registration_model,
 )
 from physim_drake.scene_estimate import SceneEstimate
-from physim_drake.search.tree import SearchConfig
+from physim_drake.search.group_search import SearchConfig
 from tests.synthetic import (
     BOOK,
     COFFEE,

@@ -11,15 +11,14 @@ import pytest
 
 from physim_drake.poses import Array, make_pose
 from physim_drake.search.expansion import Rollout, RolloutResult
-from physim_drake.search.tree import (
+from physim_drake.search.group_search import (
     GroupSearch,
     RunRollouts,
     SearchConfig,
     SearchResult,
     TracePoint,
-    heuristic_search,
-    monte_carlo_tree_search,
 )
+from physim_drake.search.tree import heuristic_search, monte_carlo_tree_search
 
 ORDER = (4, 2, 7)
 COUNTS = (6, 5, 4)

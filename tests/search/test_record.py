@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 
 from physim_drake.poses import make_pose
-from physim_drake.reporting.search_record import Selection, TreeNode, grown_tree
 from physim_drake.search import tree
 from physim_drake.search.expansion import Rollout, RolloutResult
-from physim_drake.search.tree import (
-    GroupSearch,
-    Path,
-    SearchConfig,
-    monte_carlo_tree_search,
-)
+from physim_drake.search.group_search import GroupSearch, SearchConfig, Selection
+from physim_drake.search.record import TreeNode, grown_tree
+from physim_drake.search.tree import monte_carlo_tree_search
 
 
 def test_each_selection_adds_one_node() -> None:
@@ -39,35 +35,28 @@ def test_no_selection_no_tree() -> None:
     assert grown_tree([]) == TreeNode((), 0, 0.0, 0, ())
 
 
-class Watched(GroupSearch):
-    """A search over numbers, that remembers what was selected."""
+def run_all(rollouts: Sequence[Rollout]) -> list[RolloutResult]:
+    """The score of a state is a sum that some hypotheses add more to."""
+    return [
+        RolloutResult(
+            tuple(X for _, X in r.steps),
+            sum(int(7 * X[0, 3]) % 5 for _, X in (*r.placed, *r.steps)),
+        )
+        for r in rollouts
+    ]
 
-    def __init__(self, counts: Sequence[int], expansions: int) -> None:
-        hypotheses = [
-            np.stack([make_pose(p=[float(n), 0.0, 0.0]) for n in range(count)])
-            for count in counts
-        ]
-        config = SearchConfig(expansions=expansions, exploration=3.0)
-        super().__init__(range(len(counts)), hypotheses, self.run_all, config)
-        self.selections: list[Selection] = []
 
-    def run_all(self, rollouts: Sequence[Rollout]) -> list[RolloutResult]:
-        """The score of a state is a sum that some hypotheses add more to."""
-        return [
-            RolloutResult(
-                tuple(X for _, X in r.steps),
-                sum(int(7 * X[0, 3]) % 5 for _, X in (*r.placed, *r.steps)),
-            )
-            for r in rollouts
-        ]
-
-    def score(self, paths: Sequence[Path]) -> list[int]:
-        scores = super().score(paths)
-        self.selections += [
-            Selection(path, score, self.expansions)
-            for path, score in zip(paths, scores, strict=True)
-        ]
-        return scores
+def watched_search(
+    counts: Sequence[int], expansions: int, selections: list[Selection]
+) -> GroupSearch:
+    """A search over numbers whose selections are taken down."""
+    hypotheses = [
+        np.stack([make_pose(p=[float(n), 0.0, 0.0]) for n in range(count)])
+        for count in counts
+    ]
+    config = SearchConfig(expansions=expansions, exploration=3.0)
+    order = range(len(counts))
+    return GroupSearch(order, hypotheses, run_all, config, observer=selections.append)
 
 
 def as_grown(node: Any) -> TreeNode:
@@ -100,6 +89,7 @@ def test_the_tree_is_the_one_that_was_searched(
         back_up(leaf, reward)
 
     monkeypatch.setattr(tree, "_back_up", watched)
-    search = Watched(counts, expansions)
+    selections: list[Selection] = []
+    search = watched_search(counts, expansions, selections)
     monte_carlo_tree_search(search, np.random.default_rng(0))
-    assert without_best(grown_tree(search.selections)) == as_grown(roots[0])
+    assert without_best(grown_tree(selections)) == as_grown(roots[0])
