@@ -144,7 +144,8 @@ class Worker:
 
     def confidences(self, placed: Placement) -> dict[int, float]:
         """How well each placed object is confirmed by the image, 0..1."""
-        return self.expander.renderer.confidences(placed)
+        confirmed = self.expander.renderer.confirmations(placed)
+        return {k: confirmation.confidence for k, confirmation in confirmed.items()}
 
     def _refiner(self) -> JointRefiner:
         assert self._joint_refiner is not None, "set_scene comes first"

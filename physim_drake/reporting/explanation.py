@@ -20,15 +20,16 @@ from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.estimation.preparation import EstimationRequest, PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
-from physim_drake.observation.observation import Detection, Mask, RgbdObservation
+from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.observation.segmented_scene import Scene
 from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.depth import DepthRenderer
-from physim_drake.rendering.overlay import SceneLabels, render_labels
+from physim_drake.rendering.overlay import render_labels
 from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.search.dependency import DependencyGraph, dependency_graph
 from physim_drake.search.record import SearchRecord
+from physim_drake.search.states import Confirmation, confirmations
 
 
 @dataclass(frozen=True)
@@ -53,24 +54,6 @@ class StageError:
         """Compares two poses in the camera, (4, 4)."""
         error = pose_error(X_CO_true, X_CO, model.symmetry)
         return cls(float(np.degrees(error.geodesic)), 1000 * error.translation)
-
-
-@dataclass(frozen=True)
-class Shares:
-    """What a confidence is the product of, each 0..1.
-
-    Attributes:
-        agrees: of the object's visible pixels, those whose depth agrees.
-        explained: of its segment's pixels, those that the estimate explains.
-    """
-
-    agrees: float
-    explained: float
-
-    @property
-    def product(self) -> float:
-        """The confidence, were it not shared with other poses that fit as well."""
-        return self.agrees * self.explained
 
 
 @dataclass(frozen=True)
@@ -137,26 +120,15 @@ class Explanation:
                 return np.asarray(self.scene.X_CS @ poses[record.order.index(k)])
         return None
 
-    def shares(self, renderer: DepthRenderer) -> list[Shares]:
-        """What each object's confidence is made of."""
+    def confirmations(self, renderer: DepthRenderer) -> list[Confirmation]:
+        """How well the image confirms each object; what is not found is not drawn."""
         drawn = render_labels(self.estimate.objects, renderer)
-        agrees = self._agreement(drawn)
-        return [
-            Shares(
-                _share(agrees, (drawn.labels == k) & (self.scene.depth > 0)),
-                _share(agrees, segment.mask),
-            )
-            for k, segment in enumerate(self.scene.segments)
-        ]
-
-    def _agreement(self, drawn: SceneLabels) -> Mask:
-        distance = np.abs(drawn.depth - self.scene.depth)
-        close = distance < self.config.steps.expansion.epsilon
-        return np.asarray((drawn.depth > 0) & close)
-
-
-def _share(mask: Mask, of: Mask) -> float:
-    return int(np.count_nonzero(mask & of)) / max(int(np.count_nonzero(of)), 1)
+        indices = range(len(self.detections))
+        epsilon = self.config.steps.expansion.epsilon
+        confirmed = confirmations(
+            self.scene, drawn.depth, drawn.labels, indices, epsilon
+        )
+        return [confirmed[k] for k in indices]
 
 
 def explain_image(

@@ -28,7 +28,9 @@ from physim_drake.reporting.explanation_words import (
     verdict,
 )
 from physim_drake.reporting.html import jpeg, render_page
+from physim_drake.scene_estimate import ObjectEstimate
 from physim_drake.search.record import SearchRecord
+from physim_drake.search.states import Confirmation
 from physim_drake.storage.files import write_atomically
 
 _FRAMES = 4  # of the best states over time
@@ -87,7 +89,7 @@ def _objects(
 ) -> list[dict[str, Any]]:
     """What the page tells of each object."""
     told = []
-    for k, shares in enumerate(e.shares(renderer)):
+    for k, confirmation in enumerate(e.confirmations(renderer)):
         item, found = e.estimate.objects[k], e.hypotheses[k]
         segment = e.scene.segments[k]
         others = [s.mask for n, s in enumerate(e.scene.segments) if n != k]
@@ -98,9 +100,9 @@ def _objects(
                 "name": e.names[k],
                 "color": "#{:02x}{:02x}{:02x}".format(*object_color(k)),
                 "estimate": item,
-                "shares": shares,
-                "share": item.confidence / max(shares.product, item.confidence, 1e-9),
-                "verdict": verdict(e, k, shares),
+                "confirmation": confirmation,
+                "share": _kept_share(confirmation, item),
+                "verdict": verdict(e, k, confirmation),
                 "diagnosis": diagnosis(e, k),
                 "errors": stage_errors(e, k),
                 "pixels": int(np.count_nonzero(segment.mask)),
@@ -116,6 +118,11 @@ def _objects(
             }
         )
     return told
+
+
+def _kept_share(confirmation: Confirmation, item: ObjectEstimate) -> float:
+    """Which part of its confidence an object keeps beside other poses of it, 0..1."""
+    return item.confidence / max(confirmation.confidence, item.confidence, 1e-9)
 
 
 def _surface(e: Explanation) -> dict[str, float | None]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from physim_drake.poses import Array
 from physim_drake.registration.registration_model import lookalike_turns
-from physim_drake.reporting.explanation import Explanation, Shares, StageError
+from physim_drake.reporting.explanation import Explanation, StageError
+from physim_drake.search.states import Confirmation
 
 RIGHT_DEG, RIGHT_MM = 5.0, 10.0
 """A pose within both is called right."""
@@ -22,7 +23,7 @@ _RIVALS = (
 )
 
 
-def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
+def verdict(explanation: Explanation, k: int, confirmation: Confirmation) -> str:
     """What the image says about the estimate of object `k`."""
     item = explanation.estimate.objects[k]
     if not item.found:
@@ -33,21 +34,22 @@ def verdict(explanation: Explanation, k: int, shares: Shares) -> str:
         )
     if item.confidence >= explanation.config.confirmed:
         return "The depth image confirms it."
-    if shares.product >= explanation.config.confirmed:
+    if confirmation.confidence >= explanation.config.confirmed:
         return f"The depth image agrees with it. {_RIVALS}"
     doubts = []
-    if shares.agrees < _DOUBTED:
+    if confirmation.agrees < _DOUBTED:
         doubts.append(
-            f"Where the model is drawn, {1 - shares.agrees:.0%} of the measured depth "
-            "is not where the model is: the pose is off, or the object has another "
-            "size or shape than its model."
+            f"Where the model is drawn, {1 - confirmation.agrees:.0%} of the measured "
+            "depth is not where the model is: the pose is off, or the object has "
+            "another size or shape than its model."
         )
-    if shares.explained < _DOUBTED:
+    if confirmation.explained < _DOUBTED:
         doubts.append(
-            f"Of the depth in its segment, {1 - shares.explained:.0%} is explained by "
-            "no object: its box holds other things as well, or the pose is off."
+            f"Of the depth in its segment, {1 - confirmation.explained:.0%} is "
+            "explained by no object: its box holds other things as well, or the pose "
+            "is off."
         )
-    if item.confidence < _DOUBTED * shares.product:
+    if item.confidence < _DOUBTED * confirmation.confidence:
         doubts.append(_RIVALS)
     start = "does not confirm" if doubts else "nearly confirms"
     return " ".join([f"The depth image {start} it.", *doubts])

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,6 +50,24 @@ class ExpansionConfig:
         default_factory=lambda: SettleConfig(lost_distance=0.05)
     )
     settle_loss: float = 0.1
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """How well the image confirms an object of a state.
+
+    Attributes:
+        agrees: share of its visible pixels whose drawn and measured depth agree, 0..1.
+        explained: share of its segment's pixels that the state explains, 0..1.
+    """
+
+    agrees: float
+    explained: float
+
+    @property
+    def confidence(self) -> float:
+        """The product of both, 0..1; not shared with other poses that fit as well."""
+        return self.agrees * self.explained
 
 
 class StateRenderer:
@@ -126,21 +144,40 @@ class StateRenderer:
             - _agreeing(before, observed, self._epsilon)
         )
 
-    def confidences(self, placed: Placement) -> dict[int, float]:
-        """How well the image confirms each object, 0..1.
+    def confirmations(self, placed: Placement) -> dict[int, Confirmation]:
+        """How well the image confirms each object."""
+        depth, labels = self.labels(placed)
+        return confirmations(self.scene, depth, labels, placed, self._epsilon)
 
-        The share of its visible pixels whose depth agrees, times the share of its
-        segment's pixels that the state explains.
-        """
-        image, labels = self.labels(placed)
-        known = self.scene.depth > 0
-        agrees = (image > 0) & (np.abs(image - self.scene.depth) < self._epsilon)
-        result = {}
-        for index in placed:
-            visible = (labels == index) & known
-            segment = self.scene.segments[index].mask
-            result[index] = _share(agrees, visible) * _share(agrees, segment)
-        return result
+
+def confirmations(
+    scene: Scene,
+    drawn: DepthImage,
+    labels: NDArray[np.int16],
+    indices: Iterable[int],
+    epsilon: float,
+) -> dict[int, Confirmation]:
+    """How well an image confirms objects that are drawn over it.
+
+    Args:
+        scene: what was observed.
+        drawn: depth of all objects that are placed, (height, width), m; 0 if none.
+        labels: index of the object seen in each pixel, (height, width); -1 if none.
+        indices: which objects of the scene.
+        epsilon: depths agree if they differ by less, m.
+
+    Returns:
+        the confirmation of each object, by its index.
+    """
+    known = scene.depth > 0
+    agrees = (drawn > 0) & (np.abs(drawn - scene.depth) < epsilon)
+    return {
+        k: Confirmation(
+            _share(agrees, (labels == k) & known),
+            _share(agrees, scene.segments[k].mask),
+        )
+        for k in indices
+    }
 
 
 def _share(mask: NDArray[np.bool_], of: NDArray[np.bool_]) -> float:

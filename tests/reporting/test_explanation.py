@@ -54,10 +54,10 @@ def test_the_recorded_searches_are_those_of_the_estimate(explanation) -> None:  
 
 def test_confidence_is_the_product_of_the_shares() -> None:
     for e in (example(), bare()):
-        shares = e.shares(renderer(e))
-        for item, share in zip(e.estimate.objects, shares, strict=True):
+        confirmed = e.confirmations(renderer(e))
+        for item, part in zip(e.estimate.objects, confirmed, strict=True):
             if item.found:
-                product = share.agrees * share.explained
+                product = part.agrees * part.explained
                 assert item.confidence == pytest.approx(product, abs=1e-3)
 
 

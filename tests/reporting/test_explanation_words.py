@@ -8,16 +8,17 @@ import pytest
 
 from physim_drake.poses import Array, make_pose
 from physim_drake.registration.registration_model import lookalike_turns
-from physim_drake.reporting.explanation import Explanation, Shares
+from physim_drake.reporting.explanation import Explanation
 from physim_drake.reporting.explanation_words import (
     diagnosis,
     is_within,
     stage_errors,
     verdict,
 )
+from physim_drake.search.states import Confirmation
 from tests.reporting.explained import BOTTLE, BOX, CRAYONS, bare, example
 
-GOOD = Shares(1.0, 1.0)
+GOOD = Confirmation(1.0, 1.0)
 FAR = make_pose(p=[0.0, 0.0, 0.1])
 
 
@@ -40,22 +41,26 @@ def test_a_confirmed_object_has_no_doubts() -> None:
 
 
 def test_little_doubt_is_called_little() -> None:
-    text = verdict(with_confidence(0.92), BOX, Shares(0.96, 0.96))
+    text = verdict(with_confidence(0.92), BOX, Confirmation(0.96, 0.96))
     assert text == "The depth image nearly confirms it."
 
 
 @pytest.mark.parametrize(
-    ("shares", "said", "unsaid"),
+    ("confirmation", "said", "unsaid"),
     [
-        (Shares(0.95, 0.95), "share the confidence", "measured depth"),
-        (Shares(0.6, 0.95), "40% of the measured depth", "its segment"),
-        (Shares(0.95, 0.5), "50% is explained by no object", "measured depth is not"),
+        (Confirmation(0.95, 0.95), "share the confidence", "measured depth"),
+        (Confirmation(0.6, 0.95), "40% of the measured depth", "its segment"),
+        (
+            Confirmation(0.95, 0.5),
+            "50% is explained by no object",
+            "measured depth is not",
+        ),
     ],
 )
 def test_doubts_name_the_share_that_is_low(
-    shares: Shares, said: str, unsaid: str
+    confirmation: Confirmation, said: str, unsaid: str
 ) -> None:
-    text = verdict(with_confidence(0.5), BOX, shares)
+    text = verdict(with_confidence(0.5), BOX, confirmation)
     assert text.startswith("The depth image does not confirm it.")
     assert said in text
     assert unsaid not in text
@@ -68,7 +73,7 @@ def test_a_confidence_that_is_shared_is_no_doubt_about_the_fit() -> None:
 
 
 def test_not_found_says_why_and_what_may_be_behind_it() -> None:
-    text = verdict(bare(), CRAYONS, Shares(0.0, 0.0))
+    text = verdict(bare(), CRAYONS, Confirmation(0.0, 0.0))
     assert text.startswith("Not found: its segment has 0 points")
     assert "box is off the object" in text
 

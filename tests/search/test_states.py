@@ -13,7 +13,7 @@ from physim_drake.observation.observation import Detection, Segment
 from physim_drake.observation.segmented_scene import Scene
 from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.windows import DepthWindow, crop
-from physim_drake.search.states import StateRenderer, composite
+from physim_drake.search.states import Confirmation, StateRenderer, composite
 
 CAMERA = CameraIntrinsics(4, 2, 10.0, 10.0, 1.5, 0.5)
 X_CS = make_pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 1.0])
@@ -133,17 +133,18 @@ def test_labels_tell_who_is_in_front() -> None:
 
 def test_confidences_by_hand() -> None:
     renderer, _ = make_renderer()
-    found = renderer.confidences(BOTH)
+    found = renderer.confirmations(BOTH)
     # Of three visible pixels with depth one agrees, of two of the segment one.
-    assert found[0] == pytest.approx(1 / 3 * 1 / 2)
+    assert found[0] == Confirmation(1 / 3, 1 / 2)
+    assert found[0].confidence == pytest.approx(1 / 3 * 1 / 2)
     # Two of three, and the whole segment.
-    assert found[1] == pytest.approx(2 / 3 * 2 / 2)
+    assert found[1] == Confirmation(2 / 3, 2 / 2)
 
 
 def test_a_hidden_object_has_no_confidence() -> None:
     renderer, fake = make_renderer()
     fake.images[9] = image([0.9, 0.9, 0.9, 0.9], [0.0, 0.0, 0.0, 0.0])
-    assert renderer.confidences(BOTH)[1] == 0
+    assert renderer.confirmations(BOTH)[1].confidence == 0
 
 
 def test_objects_are_drawn_where_the_camera_sees_them() -> None:
