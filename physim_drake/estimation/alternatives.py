@@ -52,7 +52,7 @@ def best_alternative(
 def _settled(estimate: SceneEstimate, config: EstimationConfig) -> bool:
     """Whether the detector or the image is sure of each object."""
     return all(
-        d.score >= UNSURE_BELOW or o.confidence >= config.settled
+        d.score >= UNSURE_BELOW or o.confidence >= config.alternatives_below
         for d, o in zip(estimate.detections, estimate.objects, strict=True)
     )
 
@@ -62,7 +62,7 @@ def _confirms(
 ) -> bool:
     """Whether it is sure of all objects that the detector did not see."""
     return all(
-        d.seen or not o.found or o.confidence >= config.confirmed
+        d.seen or not o.found or o.confidence >= config.confident_from
         for d, o in zip(detections, estimate.objects, strict=True)
     )
 

@@ -30,7 +30,7 @@ def confidence_shares(
     cost: float,
     tried: Sequence[tuple[Placement, float]],
     models: Mapping[int, ObjectModel],
-    tie: float,
+    tie_fraction: float,
 ) -> dict[int, float]:
     """The share of its confidence that each object keeps.
 
@@ -43,7 +43,7 @@ def confidence_shares(
         cost: its fine cost, in pixels.
         tried: states of the same objects, maybe with `best`, and their fine costs.
         models: of the objects, by their index in the scene.
-        tie: costs that differ by less than this share of them are equally good.
+        tie_fraction: costs that differ by less than this share are equally good.
 
     Returns:
         the shares by index, 1 where no other pose of the object is as good.
@@ -51,7 +51,7 @@ def confidence_shares(
     weighed = [
         (state, weight)
         for state, other in sorted(tried, key=lambda item: item[1])
-        if (weight := _weight(other - cost, tie * cost)) > _NEGLIGIBLE
+        if (weight := _weight(other - cost, tie_fraction * cost)) > _NEGLIGIBLE
     ]
     return {k: 1 / (1 + _others(k, best, weighed, models)) for k in best}
 

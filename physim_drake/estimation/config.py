@@ -47,28 +47,29 @@ class EstimationConfig:
     """Everything that can be set about an estimate.
 
     Attributes:
-        method: how.
-        seed: of all random choices.
-        workers: processes; the result does not depend on it.
+        method: way to estimate.
+        seed: seed of all random choices.
+        workers: number of processes; the result does not depend on it.
         search: budget and constants of the tree search.
         steps: settings of the steps that run in workers.
         min_segment_points: an object with fewer points is reported as not found.
-        tie: refined states whose fine costs differ by less than this share explain
-            the image equally well; the one nearest to rest is taken.
-        rest: a state that moves by less until it rests is as good as at rest, m; true
-            states, refined, move by up to 1.9 mm (95 % of 60 scenes).
-        promising: a state with an object in another pose is refined where its fine
-            cost exceeds the best state's by less than this share.
-        rounds: a group is searched at most this often, with new hypotheses for
-            objects that the image does not confirm; 1 is the paper's way.
-        confirmed: the confidence from which on an object is.
-        trusted: an object of less confidence takes no points from another's new
-            hypotheses: where all are wrong together, all begin anew.
-        settled: an object that the detector is not sure of is looked for elsewhere,
-            too, where its confidence is less than this.
+        cost_tie_fraction: refined states whose fine costs differ by less than this
+            share explain the image equally well; the one nearest to rest is taken.
+        rest_tolerance_m: a state that moves by less until it rests is as good as at
+            rest, m; true states, refined, move by up to 1.9 mm (95 % of 60 scenes).
+        refine_within_fraction: a state with an object in another pose is refined if
+            its fine cost exceeds the best state's by less than this share.
+        rounds: searches of a group at most, later ones with new hypotheses for objects
+            that the image does not confirm; 1 is the paper's way.
+        confident_from: objects of at least this confidence are confirmed by the image,
+            and not searched again.
+        trusted_from: objects of less confidence take no points from another's new
+            hypotheses; if all are wrong together, all begin anew.
+        alternatives_below: an object that the detector is not sure of is also tried
+            elsewhere if its confidence is less than this.
         least_confidence: an object that the image confirms by less is reported as not
-            found; 0 reports all. Where it is None, `LEAST_CONFIDENCE` for a method that
-            searches, and 0 for the others, which are there to be compared with.
+            found; 0 reports all. None is `LEAST_CONFIDENCE` for a method that searches,
+            and 0 for the others, which are there to be compared with.
     """
 
     method: Method = Method.PHYSIM_MCTS
@@ -77,13 +78,13 @@ class EstimationConfig:
     search: SearchConfig = field(default_factory=SearchConfig)
     steps: WorkerConfig = field(default_factory=WorkerConfig)
     min_segment_points: int = 30
-    tie: float = 0.01
-    rest: float = 0.002
-    promising: float = 0.1
+    cost_tie_fraction: float = 0.01
+    rest_tolerance_m: float = 0.002
+    refine_within_fraction: float = 0.1
     rounds: int = 3
-    confirmed: float = 0.93
-    trusted: float = 0.7
-    settled: float = 0.97
+    confident_from: float = 0.93
+    trusted_from: float = 0.7
+    alternatives_below: float = 0.97
     least_confidence: float | None = None
 
     def __post_init__(self) -> None:
@@ -103,7 +104,7 @@ class EstimationConfig:
         """
         trimmed = TrimmedIcpConfig(keep=0.7, soft=False, cutoff=0.01)
         return cls(
-            search=SearchConfig(patience=math.inf),
+            search=SearchConfig(patience_per_object=math.inf),
             steps=WorkerConfig(expansion=ExpansionConfig(icp=trimmed)),
             rounds=1,
             least_confidence=0.0,

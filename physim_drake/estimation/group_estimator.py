@@ -98,19 +98,19 @@ class GroupEstimator:
             self._clock.lap("search")
             traces.append(result.as_trace(self._scene.X_CS))
             state, cost = self._refined(result, hypotheses, tried)
-            gained = cost < best_cost * (1 - self._config.tie)
+            gained = cost < best_cost * (1 - self._config.cost_tie_fraction)
             if cost < best_cost:
                 best, best_cost = state, cost
             confidence = self._pool.one(Worker.confidences, best)
-            doubtful = [k for k in order if confidence[k] < self._config.confirmed]
-            lost = [k for k in doubtful if confidence[k] < self._config.trusted]
+            doubtful = [k for k in order if confidence[k] < self._config.confident_from]
+            lost = [k for k in doubtful if confidence[k] < self._config.trusted_from]
             worth_it = lost or (doubtful and gained)
             if not worth_it or number + 1 == self._config.rounds:
                 break
             order = sorted(order, key=lambda k: -confidence[k])
             hypotheses = self._renewed(order, doubtful, best, confidence, number + 1)
         shares = confidence_shares(
-            best, best_cost, tried, self._models, self._config.tie
+            best, best_cost, tried, self._models, self._config.cost_tie_fraction
         )
         return SearchedGroup(best, shares, tuple(traces))
 
@@ -141,7 +141,7 @@ class GroupEstimator:
         """The poses to search among in round `number`, new ones of doubtful objects."""
         requests = []
         for k in doubtful:
-            least = max(confidence[k], self._config.trusted)
+            least = max(confidence[k], self._config.trusted_from)
             requests.append((k, {j: best[j] for j in order if confidence[j] > least}))
         again = make_hypotheses(self._pool, self._config, requests, number)
         self._clock.lap("hypotheses")
@@ -159,11 +159,12 @@ class GroupEstimator:
         carry what lies on it.
         """
         least = min(cost for _, cost in refined)
-        tied = [r for r in refined if r[1] <= least * (1 + self._config.tie)]
+        limit = least * (1 + self._config.cost_tie_fraction)
+        tied = [r for r in refined if r[1] <= limit]
         if len(tied) == 1:
             return tied[0]
         unrest = self._pool.map(Worker.unrest, [(state,) for state, _ in tied])
-        beyond = np.maximum(unrest, self._config.rest)
+        beyond = np.maximum(unrest, self._config.rest_tolerance_m)
         return min(zip(beyond, tied, strict=True), key=lambda r: (r[0], r[1][1]))[1]
 
     def _other_ways(
@@ -188,12 +189,12 @@ class GroupEstimator:
             promising = [
                 way
                 for way, way_cost in itertools.chain.from_iterable(ways)
-                if way_cost < cost * (1 + self._config.promising)
+                if way_cost < cost * (1 + self._config.refine_within_fraction)
             ]
             refined = self._pool.map(Worker.refine, [(way,) for way in promising])
             tried += refined
             least = min(refined, key=lambda r: r[1], default=(state, cost))
-            if least[1] >= cost * (1 - self._config.tie):
+            if least[1] >= cost * (1 - self._config.cost_tie_fraction):
                 return state, cost
             state, cost = least
 
@@ -203,7 +204,7 @@ class GroupEstimator:
         """The search of round `number`."""
         config = self._config.search
         if number > 0:  # what is doubtful is worth all expansions
-            config = replace(config, patience=math.inf)
+            config = replace(config, patience_per_object=math.inf)
         selections: list[Selection] = []
         search = GroupSearch(
             order,

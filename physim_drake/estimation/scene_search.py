@@ -94,7 +94,7 @@ class SceneSearch:
         An object that is not there has to be put somewhere all the same, where it takes
         points from others or pushes them away.
         """
-        doubtful = [k for k, c in confidence.items() if c < self._config.confirmed]
+        doubtful = [k for k, c in confidence.items() if c < self._config.confident_from]
         if len(doubtful) < 2:
             return []
         least = sorted(doubtful, key=lambda k: confidence[k])[:2]

@@ -124,9 +124,9 @@ class Explanation:
         """How well the image confirms each object; what is not found is not drawn."""
         drawn = render_labels(self.estimate.objects, renderer)
         indices = range(len(self.detections))
-        epsilon = self.config.steps.expansion.epsilon
+        tolerance = self.config.steps.expansion.depth_tolerance_m
         confirmed = confirmations(
-            self.scene, drawn.depth, drawn.labels, indices, epsilon
+            self.scene, drawn.depth, drawn.labels, indices, tolerance
         )
         return [confirmed[k] for k in indices]
 

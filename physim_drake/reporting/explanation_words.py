@@ -32,9 +32,9 @@ def verdict(explanation: Explanation, k: int, confirmation: Confirmation) -> str
             "hides it, or the camera measures nothing there, as on black, shiny or "
             "transparent things."
         )
-    if item.confidence >= explanation.config.confirmed:
+    if item.confidence >= explanation.config.confident_from:
         return "The depth image confirms it."
-    if confirmation.confidence >= explanation.config.confirmed:
+    if confirmation.confidence >= explanation.config.confident_from:
         return f"The depth image agrees with it. {_RIVALS}"
     doubts = []
     if confirmation.agrees < _DOUBTED:

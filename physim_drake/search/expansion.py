@@ -79,7 +79,7 @@ class SceneExpander:
         self.scene = scene
         self._config = config
         self.models = [models[object_id] for object_id in scene.object_ids]
-        self.renderer = StateRenderer(scene, renderer, config.epsilon)
+        self.renderer = StateRenderer(scene, renderer, config.depth_tolerance_m)
         self._settlers: dict[int, Settler] = {}
         # Only those of a group ever settle together; others would fill the memory.
         self._beside = {
@@ -165,7 +165,7 @@ class SceneExpander:
         for k, X_SO in placed.items():
             field = registration_model(self.models[k]).distance_field
             distances, _ = field.query_posed(X_SO, points)
-            left &= np.abs(distances) > self._config.resegment_distance
+            left &= np.abs(distances) > self._config.resegment_distance_m
         if left.sum() < self._config.min_points:
             return points, normals
         return points[left], normals[left]
@@ -180,7 +180,7 @@ class SceneExpander:
             return settled
         parent = self.renderer.image(placed)
         gains = [self.renderer.gain(parent, index, X) for X in (freed, settled)]
-        keep = gains[1] >= gains[0] - self._config.settle_loss * abs(gains[0])
+        keep = gains[1] >= gains[0] - self._config.settle_loss_fraction * abs(gains[0])
         return settled if keep else freed
 
     def _settle(self, index: int, X_SO: Array, placed: Placement) -> Settled:

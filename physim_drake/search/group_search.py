@@ -29,22 +29,22 @@ class SearchConfig:
 
     Attributes:
         expansions: no round begins after this many expansions of a group.
-        patience: nor after this many for each of its objects without a better state;
-            infinite where a group is searched again.
-        time_limit: seconds a group; none by default, since it ends reproducibility.
-        exploration: the UCB constant alpha, in pixels.
+        patience_per_object: nor after this many for each of its objects without a
+            better state; infinite if a group is searched again.
+        time_limit_s: seconds a group; none by default, since it ends reproducibility.
+        exploration_px: the UCB constant alpha, in pixels.
         rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
         round_size: rollouts selected before any of them is scored.
         kept_states: complete states handed on to refinement, those with the highest C;
-            and one more if it is none of them: the highest C less the pixels that are
-            drawn before what the camera saw, since C is no less where half an object
+            and one more if it is not one of them: the highest C less the pixels that
+            are drawn before what the camera saw, since C is no less if half an object
             stands in the air.
     """
 
     expansions: int = 250
-    patience: float = 30
-    time_limit: float = math.inf
-    exploration: float = 5000.0
+    patience_per_object: float = 30
+    time_limit_s: float = math.inf
+    exploration_px: float = 5000.0
     rollout: Literal["random", "best_lcp"] = "random"
     round_size: int = 4
     kept_states: int = 4
@@ -162,10 +162,11 @@ class GroupSearch:
     @property
     def spent(self) -> bool:
         """Whether the budget or the patience is used up."""
+        patience = self.config.patience_per_object * self.depth
         return (
             self.expansions >= self.config.expansions
-            or self.expansions - self._risen > self.config.patience * self.depth
-            or self._clock() - self._start > self.config.time_limit
+            or self.expansions - self._risen > patience
+            or self._clock() - self._start > self.config.time_limit_s
         )
 
     def score(self, paths: Sequence[Path]) -> list[int]:

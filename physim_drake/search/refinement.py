@@ -34,31 +34,31 @@ class RefinementConfig:
     """Weights and scales of the joint refinement.
 
     Attributes:
-        iterations: of Gauss-Newton.
-        redraw: the silhouettes are drawn anew every so many iterations.
-        points: observed points an object, at most.
-        gate: a point farther than this from every object counts for none, m.
-        scale: residuals beyond this lose their pull (Geman-McClure), m.
-        cutoff: of the fine cost: a pixel errs by this at most, m.
-        see_past: the camera saw past a rendered pixel where it measured more than
-            this behind it, m.
-        silhouette_weight: of a pixel seen through, against an observed point.
-        overlap_weight: of an overlapping surface point.
-        contact_weight: of a touching surface point.
-        contact_gap: surfaces nearer than this touch, m.
+        iterations: number of Gauss-Newton steps.
+        redraw_every: iterations after which the silhouettes are drawn anew.
+        points_per_object: observed points an object, at most.
+        gate_m: a point farther than this from every object counts for none, m.
+        residual_scale_m: residuals beyond this lose their pull (Geman-McClure), m.
+        cost_cutoff_m: of the fine cost: a pixel errs by this at most, m.
+        see_past_m: the camera saw past a rendered pixel if it measured more than this
+            behind it, m.
+        silhouette_weight: weight of a pixel seen through, against an observed point.
+        overlap_weight: weight of an overlapping surface point.
+        contact_weight: weight of a touching surface point.
+        contact_gap_m: surfaces nearer than this touch, m.
     """
 
     iterations: int = 24
-    redraw: int = 4
-    points: int = 1500
-    gate: float = 0.015
-    scale: float = 0.004
-    cutoff: float = 0.01
-    see_past: float = 0.006
+    redraw_every: int = 4
+    points_per_object: int = 1500
+    gate_m: float = 0.015
+    residual_scale_m: float = 0.004
+    cost_cutoff_m: float = 0.01
+    see_past_m: float = 0.006
     silhouette_weight: float = 0.3
     overlap_weight: float = 3.0
     contact_weight: float = 0.3
-    contact_gap: float = 0.002
+    contact_gap_m: float = 0.002
 
 
 class JointRefiner:
@@ -95,7 +95,7 @@ class JointRefiner:
         silhouettes: dict[int, tuple[Array, Array]] = {}
         contacts = self._contacts(poses)
         for iteration in range(self.config.iterations):
-            if iteration % self.config.redraw == 0:
+            if iteration % self.config.redraw_every == 0:
                 silhouettes = self._silhouettes(poses)
             origins = np.stack([poses[k][:3, 3] for k in indices])
             equations = NormalEquations(origins)
@@ -111,13 +111,13 @@ class JointRefiner:
     def fine_cost(self, placed: Placement) -> float:
         """How badly a state explains the image, in pixels; finer than the score C.
 
-        Each rendered pixel costs its depth error, cut at `cutoff` and in units of it;
-        each pixel of the segments that nothing is rendered in costs 1.
+        Each rendered pixel costs its depth error, cut at `cost_cutoff_m` and in units
+        of it; each pixel of the segments that nothing is rendered in costs 1.
         """
         scene = self._renderer.scene
         image = self._renderer.image(placed)
         mask = self._mask(tuple(placed))
-        return float(_fine_cost(image, scene.depth, mask, self.config.cutoff))
+        return float(_fine_cost(image, scene.depth, mask, self.config.cost_cutoff_m))
 
     def _mask(self, indices: tuple[int, ...]) -> Mask:
         """Pixels of the foreground in the segments of some objects."""
@@ -130,7 +130,7 @@ class JointRefiner:
     def _observed_points(self, indices: Sequence[int]) -> Array:
         """Observed foreground points p_S (N, 3) of the objects' segments."""
         v, u = np.nonzero(self._mask(tuple(indices)))
-        limit = self.config.points * len(indices)
+        limit = self.config.points_per_object * len(indices)
         step = max(1, -(-len(v) // limit))
         v, u = v[::step], u[::step]
         z = self._renderer.scene.observed[v, u].astype(float)
@@ -143,9 +143,8 @@ class JointRefiner:
             _surface_distance(self._models[k], X, points) for k, X in poses.items()
         ]
         distances, gradients = (np.stack(part) for part in zip(*found, strict=True))
-        equations.add_nearest(
-            points, distances, gradients, self.config.gate, self.config.scale
-        )
+        gate, scale = self.config.gate_m, self.config.residual_scale_m
+        equations.add_nearest(points, distances, gradients, gate, scale)
 
     def _silhouettes(self, poses: Placement) -> dict[int, tuple[Array, Array]]:
         """What each object hides that the camera saw: p_O, and targets p_S (N, 3).
@@ -158,7 +157,7 @@ class JointRefiner:
         rows, columns = self._surroundings(poses)
         image, labels = image[rows, columns], labels[rows, columns]
         depth, observed = scene.depth[rows, columns], scene.observed[rows, columns]
-        seen_past = (image > 0) & (depth > image + self.config.see_past)
+        seen_past = (image > 0) & (depth > image + self.config.see_past_m)
         closed = seen_past | ((image == 0) & (observed == 0) & (depth > 0))
         _, nearest = cv2.distanceTransformWithLabels(
             closed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
@@ -170,7 +169,7 @@ class JointRefiner:
         result = {}
         for k in poses:
             v, u = np.nonzero((labels == k) & seen_past)
-            step = max(1, len(v) // self.config.points)
+            step = max(1, len(v) // self.config.points_per_object)
             v, u = v[::step], u[::step]
             z = image[v, u].astype(float)
             p_S = self._unprojected(np.stack([u, v], axis=1) + corner, z)
@@ -208,7 +207,7 @@ class JointRefiner:
             length = np.linalg.norm(way, axis=1)
             direction = way / np.maximum(length, 1e-9)[:, None]
             weight = self.config.silhouette_weight * geman_mcclure(
-                length, 3 * self.config.scale
+                length, 3 * self.config.residual_scale_m
             )
             equations.add(n, points, direction, length, weight)
 
@@ -217,11 +216,11 @@ class JointRefiner:
         touching = {}
         for i, X in poses.items():
             points = transform_points(X, registration_model(self._models[i]).points)
-            touching[i, -1] = np.abs(points[:, 2]) < self.config.contact_gap
+            touching[i, -1] = np.abs(points[:, 2]) < self.config.contact_gap_m
             for j, Y in poses.items():
                 if j != i:
                     d, _ = _surface_distance(self._models[j], Y, points)
-                    touching[i, j] = np.abs(d) < self.config.contact_gap
+                    touching[i, j] = np.abs(d) < self.config.contact_gap_m
         return touching
 
     def _add_bodies(

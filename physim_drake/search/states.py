@@ -27,29 +27,29 @@ class ExpansionConfig:
     """Settings of one expansion (Algorithm 2) and of the score.
 
     Attributes:
-        epsilon: a pixel is explained where rendered and observed depth differ by
-            less, m.
-        resegment_distance: points nearer than this to a placed object are taken from
+        depth_tolerance_m: a pixel is explained if rendered and observed depth differ
+            by less, m.
+        resegment_distance_m: points nearer than this to a placed object are taken from
             the segment of the next, m.
         min_points: a segment that would keep fewer points is left whole.
         icp: of the trimmed ICP.
         icp_points: at most this many points of a segment are aligned.
         settle: of the physics. An object that falls 5 cm is not followed farther: of
             150 such falls, the image confirmed one.
-        settle_loss: the settled pose is dropped, and the registered one kept, where
-            settling loses more than this share of the pixels the object explained:
+        settle_loss_fraction: the settled pose is dropped, and the registered one kept,
+            if settling loses more than this share of the pixels the object explained:
             what held the object is not placed yet, or not well enough.
     """
 
-    epsilon: float = 0.01
-    resegment_distance: float = 0.008
+    depth_tolerance_m: float = 0.01
+    resegment_distance_m: float = 0.008
     min_points: int = 30
     icp: TrimmedIcpConfig = field(default_factory=TrimmedIcpConfig)
     icp_points: int = 400
     settle: SettleConfig = field(
         default_factory=lambda: SettleConfig(lost_distance=0.05)
     )
-    settle_loss: float = 0.1
+    settle_loss_fraction: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def _select(root: _Node, search: GroupSearch) -> _Node | None:
             open_children,
             key=lambda c: (
                 c.reward / c.visits
-                + search.config.exploration
+                + search.config.exploration_px
                 * math.sqrt(2 * math.log(parent_visits) / c.visits)
             ),
         )

@@ -15,7 +15,7 @@ def test_the_search_of_the_paper_never_ends_early() -> None:
         speed.configuration(speed.Search(s)) for s in ("plain", "default")
     )
     assert plain.search.expansions == default.search.expansions == 250
-    assert plain.search.patience > 1e9 > default.search.patience
+    assert plain.search.patience_per_object > 1e9 > default.search.patience_per_object
     assert plain.rounds == 1
 
 

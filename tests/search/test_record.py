@@ -54,7 +54,7 @@ def watched_search(
         np.stack([make_pose(p=[float(n), 0.0, 0.0]) for n in range(count)])
         for count in counts
     ]
-    config = SearchConfig(expansions=expansions, exploration=3.0)
+    config = SearchConfig(expansions=expansions, exploration_px=3.0)
     order = range(len(counts))
     return GroupSearch(order, hypotheses, run_all, config, observer=selections.append)
 

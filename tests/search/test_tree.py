@@ -74,7 +74,7 @@ def search_with(
     clock: Callable[[], float] | None = None,
     **settings: float | str,
 ) -> SearchResult:
-    plain = {"exploration": 300.0, "patience": math.inf}
+    plain = {"exploration_px": 300.0, "patience_per_object": math.inf}
     config = SearchConfig(**{**plain, **settings})  # type: ignore[arg-type]
     ticks = count()
     clock = clock or (lambda: float(next(ticks)))
@@ -102,7 +102,7 @@ def test_uct_spends_more_where_rewards_are_high() -> None:
     rewards = np.zeros(COUNTS, dtype=int)
     rewards[3] = 1000
     table = Table(rewards)
-    search_with(table, uct(), expansions=60, exploration=100.0)
+    search_with(table, uct(), expansions=60, exploration_px=100.0)
     tries = np.bincount([path[0] for path in table.paths], minlength=6)
     assert tries.argmax() == 3
     assert (tries > 0).all()
@@ -114,7 +114,7 @@ def test_more_exploration_spreads_the_tries() -> None:
     spread = []
     for exploration in (10.0, 1e6):
         table = Table(rewards)
-        search_with(table, uct(), expansions=60, exploration=exploration)
+        search_with(table, uct(), expansions=60, exploration_px=exploration)
         spread.append(np.std(np.bincount([p[0] for p in table.paths], minlength=6)))
     assert spread[1] < spread[0]
 
@@ -125,7 +125,9 @@ def test_a_search_ends_where_nothing_better_was_found_for_long(
 ) -> None:
     table = Table(additive(0))
     unlimited = search_with(table, method, expansions=10**9)
-    short = search_with(Table(additive(0)), method, expansions=10**9, patience=8)
+    short = search_with(
+        Table(additive(0)), method, expansions=10**9, patience_per_object=8
+    )
     waits = np.diff([0, *(p.expansion for p in short.trace), short.expansions])
     assert waits[-1] > 8 * len(ORDER)  # since the last better state
     assert (waits[:-1] <= 8 * len(ORDER) + 4 * len(ORDER)).all()  # one round more
@@ -162,7 +164,7 @@ def test_the_budget_is_kept(
 
 def test_time_is_a_limit_too() -> None:
     table = Table(additive(1))
-    result = search_with(table, uct(), expansions=10**6, time_limit=20.0)
+    result = search_with(table, uct(), expansions=10**6, time_limit_s=20.0)
     assert 0 < result.expansions < 100
 
 
