@@ -18,7 +18,7 @@ from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Detection, Mask, RgbdObservation
-from physim_drake.observation.segmented_scene import Scene, prepare_scene
+from physim_drake.observation.segmented_scene import SegmentedScene, prepare_scene
 from physim_drake.observation.support_surface import (
     SupportSurface,
     depth_noise,
@@ -114,7 +114,7 @@ class SyntheticScene:
         """The true poses, in the support frame."""
         return tuple(inverse(self.surface.X_WS) @ X for X in self.X_WO)
 
-    def scene(self) -> Scene:
+    def scene(self) -> SegmentedScene:
         """Prepared for estimation with the true surface."""
         return prepare_scene(self.observation, self.surface, self.detections)
 

@@ -16,7 +16,7 @@ from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Targ
 from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Detection, RgbdObservation, Segment
-from physim_drake.observation.segmented_scene import Scene, prepare_scene
+from physim_drake.observation.segmented_scene import SegmentedScene, prepare_scene
 from physim_drake.observation.support_surface import find_support_surface
 from physim_drake.poses import Array, exp_pose, inverse
 from physim_drake.scenes.dataset import generate_dataset
@@ -41,7 +41,7 @@ class Case:
     name: str
     index: int
     model: ObjectModel
-    scene: Scene
+    scene: SegmentedScene
     X_SO: Array
 
     @property

@@ -18,7 +18,7 @@ from physim_drake.camera import CameraIntrinsics
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Detection, Segment
 from physim_drake.observation.segmentation import estimate_normals
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 from physim_drake.rendering.raster import DepthRasterizer
 
@@ -83,7 +83,7 @@ def _draw(
     rows, columns = np.nonzero(mask)
     box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
     detection = Detection(model.object_id, box.astype(float), mask=mask)
-    scene = Scene(
+    scene = SegmentedScene(
         [Segment(detection, points, normals, mask)], image, image, _CAMERA, _X_CS
     )
     return Case(f"{name} {model.name}", 0, model, scene, inverse(_X_CS) @ X_CO)

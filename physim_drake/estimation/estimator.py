@@ -20,7 +20,7 @@ from physim_drake.estimation.preparation import (
     PreparedScene,
     prepare,
 )
-from physim_drake.estimation.scale_check import size_warning, with_warning
+from physim_drake.estimation.scale_check import scale_warning, with_scale_warning
 from physim_drake.estimation.scene_search import SceneSearch, SearchedScene
 from physim_drake.estimation.stage_clock import StageClock
 from physim_drake.estimation.workers import Worker, WorkerPool
@@ -164,8 +164,10 @@ class PoseEstimator(Closing):
             searched.traces,
             prepared.detections,
         )
-        warning = size_warning(prepared.observation, prepared.detections, self._library)
-        return with_warning(estimate, warning)
+        warning = scale_warning(
+            prepared.observation, prepared.detections, self._library
+        )
+        return with_scale_warning(estimate, warning)
 
     def close(self) -> None:
         """Ends the workers."""

@@ -20,7 +20,7 @@ from physim_drake.estimation.stage_clock import StageClock
 from physim_drake.estimation.workers import Worker, WorkerPool
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array
 from physim_drake.scene_estimate import SearchTrace
 from physim_drake.search.expansion import Rollout, RolloutResult
@@ -63,7 +63,7 @@ class GroupEstimator:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SegmentedScene,
         library: ObjectLibrary,
         pool: WorkerPool,
         config: EstimationConfig,

@@ -9,7 +9,7 @@ from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.hypotheses.pca import pca_poses
 from physim_drake.objects.model import ObjectModel
 from physim_drake.observation.observation import Segment
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array
 from physim_drake.registration.registration_model import registration_model
 from physim_drake.registration.trimmed_icp import (
@@ -23,7 +23,7 @@ _LCP_DISTANCE = 0.005  # m
 
 
 def register_hypotheses(
-    scene: Scene,
+    scene: SegmentedScene,
     library: Mapping[int, ObjectModel],
     found: Mapping[int, PoseHypotheses],
 ) -> dict[int, Array]:
@@ -45,7 +45,7 @@ def register_hypotheses(
 
 
 def register_principal_axes(
-    scene: Scene, library: Mapping[int, ObjectModel], indices: Iterable[int]
+    scene: SegmentedScene, library: Mapping[int, ObjectModel], indices: Iterable[int]
 ) -> dict[int, Array]:
     """X_SO of each object, from the principal axes of its segment.
 

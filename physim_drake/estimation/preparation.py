@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from physim_drake.errors import InputError
-from physim_drake.estimation.scale_check import error_with_warning, size_warning
+from physim_drake.estimation.scale_check import error_with_scale_warning, scale_warning
 from physim_drake.objects.model import ObjectModel
 from physim_drake.observation.observation import Detection, RgbdObservation
-from physim_drake.observation.segmented_scene import Scene, prepare_scene
+from physim_drake.observation.segmented_scene import SegmentedScene, prepare_scene
 from physim_drake.observation.support_surface import (
     SupportSurface,
     find_support_surface,
@@ -53,7 +53,7 @@ class PreparedScene:
     observation: RgbdObservation
     detections: tuple[Detection, ...]
     surface: SupportSurface
-    segmented: Scene
+    segmented: SegmentedScene
     seconds: float = 0.0
 
 
@@ -96,5 +96,5 @@ def _found_surface(
     try:
         return find_support_surface(observation, seen, np.random.default_rng(seed))
     except InputError as error:
-        warning = size_warning(observation, seen, library)
-        raise error_with_warning(error, warning) from None
+        warning = scale_warning(observation, seen, library)
+        raise error_with_scale_warning(error, warning) from None

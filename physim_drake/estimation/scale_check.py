@@ -24,7 +24,7 @@ TOO_SMALL = 0.35
 """Farther from 1: an object that is partly hidden, or seen end on, has a small box."""
 
 
-def size_warning(
+def scale_warning(
     observation: RgbdObservation,
     detections: Sequence[Detection],
     library: Mapping[int, ObjectModel],
@@ -72,7 +72,7 @@ def _ratio_and_depth(
     return [(float(diagonal) / model.diameter, depth)]
 
 
-def with_warning(estimate: SceneEstimate, warning: str) -> SceneEstimate:
+def with_scale_warning(estimate: SceneEstimate, warning: str) -> SceneEstimate:
     """The same estimate with a warning, which the reasons of missing objects tell."""
     if not warning:
         return estimate
@@ -83,7 +83,7 @@ def with_warning(estimate: SceneEstimate, warning: str) -> SceneEstimate:
     return replace(estimate, objects=objects, warning=warning)
 
 
-def error_with_warning(error: InputError, warning: str) -> InputError:
+def error_with_scale_warning(error: InputError, warning: str) -> InputError:
     """The same error with a warning after its remedy."""
     remedy = "; ".join(text for text in (error.remedy, warning) if text)
     return InputError(error.source, error.problem, remedy, error.field)

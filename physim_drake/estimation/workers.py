@@ -25,7 +25,7 @@ from physim_drake.hypotheses.generation import (
     generate_hypotheses,
 )
 from physim_drake.objects.model import ObjectLibrary
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.parallel.supervised_pool import SupervisedPool, SupervisionConfig
 from physim_drake.poses import Array
 from physim_drake.rendering.raster import DepthRasterizer
@@ -68,7 +68,7 @@ class Worker:
         self._joint_refiner: JointRefiner | None = None
         self._scenes = 0
 
-    def set_scene(self, scene: Scene) -> None:
+    def set_scene(self, scene: SegmentedScene) -> None:
         """Makes `scene` the one that the other calls are about."""
         self._expander = self._joint_refiner = None
         self._scenes += 1
@@ -177,7 +177,7 @@ class WorkerPool(Closing):
         """The worker processes at the moment; none where this one computes."""
         return [] if self._processes is None else self._processes.pids
 
-    def set_scene(self, scene: Scene) -> None:
+    def set_scene(self, scene: SegmentedScene) -> None:
         """Sends `scene` to every worker.
 
         Raises:

@@ -12,7 +12,7 @@ from physim_drake.hypotheses.pairs import pair_index
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig, super4pcs
 from physim_drake.hypotheses.visibility import visibility
 from physim_drake.objects.model import ObjectModel
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array
 from physim_drake.registration.registration_model import (
     RegistrationModel,
@@ -86,7 +86,7 @@ class PoseHypotheses:
 
 def generate_hypotheses(
     model: ObjectModel,
-    scene: Scene,
+    scene: SegmentedScene,
     points: Array,
     normals: Array,
     generator: np.random.Generator,
@@ -136,7 +136,11 @@ def generate_hypotheses(
 
 
 def _most_promising(
-    prepared: RegistrationModel, X_SO: Array, lcp: Array, scene: Scene, count: int
+    prepared: RegistrationModel,
+    X_SO: Array,
+    lcp: Array,
+    scene: SegmentedScene,
+    count: int,
 ) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Indices of the poses whose LCP score times squared visibility is largest.
 

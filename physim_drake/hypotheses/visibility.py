@@ -15,7 +15,7 @@ import numpy as np
 
 from physim_drake.camera import DepthImage
 from physim_drake.compiled import compiled
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array
 from physim_drake.registration.registration_model import RegistrationModel
 
@@ -24,7 +24,7 @@ _CLOSE = 0.01
 _SUNK = 0.012
 
 
-def visibility(model: RegistrationModel, X_SO: Array, scene: Scene) -> Array:
+def visibility(model: RegistrationModel, X_SO: Array, scene: SegmentedScene) -> Array:
     """Confirmed points as a share of those confirmed or refuted, for many poses.
 
     Args:

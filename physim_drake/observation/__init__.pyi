@@ -9,7 +9,7 @@ from .observation import Segment as Segment
 from .segmentation import estimate_normals as estimate_normals
 from .segmentation import foreground as foreground
 from .segmentation import segment_objects as segment_objects
-from .segmented_scene import Scene as Scene
+from .segmented_scene import SegmentedScene as SegmentedScene
 from .segmented_scene import prepare_scene as prepare_scene
 from .support_surface import SupportSurface as SupportSurface
 from .support_surface import find_support_surface as find_support_surface

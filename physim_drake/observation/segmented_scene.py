@@ -14,7 +14,7 @@ from physim_drake.poses import Array
 
 
 @dataclass(frozen=True)
-class Scene:
+class SegmentedScene:
     """What every later step works on; small enough to send to a worker.
 
     Attributes:
@@ -41,9 +41,9 @@ def prepare_scene(
     observation: RgbdObservation,
     surface: SupportSurface,
     detections: Sequence[Detection],
-) -> Scene:
+) -> SegmentedScene:
     """Cuts an observation into the segments of its detections."""
     observed = foreground(observation, surface)
     K = observation.intrinsics
     segments = segment_objects(observed, K, surface, detections)
-    return Scene(segments, observation.depth, observed, K, surface.X_CS)
+    return SegmentedScene(segments, observation.depth, observed, K, surface.X_CS)

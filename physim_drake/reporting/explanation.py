@@ -21,7 +21,7 @@ from physim_drake.estimation.preparation import EstimationRequest, PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Detection, RgbdObservation
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.depth import DepthRenderer
@@ -82,7 +82,7 @@ class Explanation:
     library: ObjectLibrary
     config: EstimationConfig
     surface_height: float | None
-    scene: Scene
+    scene: SegmentedScene
     hypotheses: tuple[PoseHypotheses, ...]
     graph: DependencyGraph
     searches: tuple[SearchRecord, ...]

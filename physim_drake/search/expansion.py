@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physim_drake.objects.model import ObjectModel
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.physics.depenetration import depenetrate
 from physim_drake.physics.settling import Settled, Settler
 from physim_drake.poses import Array, rotation_angle
@@ -71,7 +71,7 @@ class SceneExpander:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SegmentedScene,
         models: Mapping[int, ObjectModel],
         renderer: ObjectRenderer,
         config: ExpansionConfig = ExpansionConfig(),  # noqa: B008 (frozen)

@@ -115,7 +115,7 @@ class SearchResult:
     expansions: int
 
     def as_trace(self, X_CS: Array) -> SearchTrace:
-        """The anytime curve with poses in the camera; X_CS as in `Scene`, (4, 4)."""
+        """The anytime curve with poses in the camera; X_CS of the scene, (4, 4)."""
         points = tuple(
             (p.expansion, p.seconds, p.score, X_CS @ p.poses) for p in self.trace
         )

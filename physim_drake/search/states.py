@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
 from physim_drake.compiled import compiled
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.physics.settling import SettleConfig
 from physim_drake.poses import Array
 from physim_drake.registration.trimmed_icp import TrimmedIcpConfig
@@ -82,7 +82,7 @@ class StateRenderer:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SegmentedScene,
         renderer: ObjectRenderer,
         epsilon: float,
         remembered: int = 48,
@@ -151,7 +151,7 @@ class StateRenderer:
 
 
 def confirmations(
-    scene: Scene,
+    scene: SegmentedScene,
     drawn: DepthImage,
     labels: NDArray[np.int16],
     indices: Iterable[int],

@@ -19,7 +19,7 @@ from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.detections import load_detections
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, Method, estimate_scene
-from physim_drake.estimation.scale_check import size_warning
+from physim_drake.estimation.scale_check import scale_warning
 from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.observation import Detection, RgbdObservation
@@ -46,7 +46,7 @@ def scaled(observation: RgbdObservation, scale: float) -> RgbdObservation:
 @pytest.mark.parametrize("scale", [0.1, 0.2, 5.0, 10.0])
 def test_a_wrong_unit_of_depth_is_told(scale: float) -> None:
     observation, detections = look()
-    warning = size_warning(scaled(observation, scale), detections, library())
+    warning = scale_warning(scaled(observation, scale), detections, library())
     factor = float(warning.split("about ")[1].split()[0])
     assert 0.6 * scale < factor < 1.5 * scale
     assert "depth_scale" in warning
@@ -55,7 +55,7 @@ def test_a_wrong_unit_of_depth_is_told(scale: float) -> None:
 @pytest.mark.parametrize("scale", [0.5, 0.8, 1.0, 1.25, 1.6])
 def test_sizes_that_can_be_right_are_not_doubted(scale: float) -> None:
     observation, detections = look()
-    assert size_warning(scaled(observation, scale), detections, library()) == ""
+    assert scale_warning(scaled(observation, scale), detections, library()) == ""
 
 
 def test_all_detections_must_agree() -> None:
@@ -63,10 +63,10 @@ def test_all_detections_must_agree() -> None:
     left, top = first.box[:2]
     hidden = replace(first, box=np.array([left, top, left + 4, top + 4]))
     everything = replace(first, box=np.array([0.0, 0.0, 320.0, 240.0]))
-    assert size_warning(observation, [hidden], library())
-    assert size_warning(observation, [everything], library())
+    assert scale_warning(observation, [hidden], library())
+    assert scale_warning(observation, [everything], library())
     for wrong in (hidden, everything):
-        assert size_warning(observation, [wrong, second], library()) == ""
+        assert scale_warning(observation, [wrong, second], library()) == ""
 
 
 def test_what_was_not_measured_says_nothing() -> None:
@@ -77,10 +77,10 @@ def test_what_was_not_measured_says_nothing() -> None:
     nothing.depth[top:bottom, left:right] = 0
     unseen = Detection.unseen(first.object_id, 240, 320)
     unknown = replace(first, object_id=999)
-    assert size_warning(far, [first], library())
-    assert size_warning(nothing, [first], library()) == ""
-    assert size_warning(far, [unseen, unknown], library()) == ""
-    assert size_warning(far, [], library()) == ""
+    assert scale_warning(far, [first], library())
+    assert scale_warning(nothing, [first], library()) == ""
+    assert scale_warning(far, [unseen, unknown], library()) == ""
+    assert scale_warning(far, [], library()) == ""
 
 
 def test_an_estimate_warns_and_stays_what_it_is() -> None:
@@ -152,6 +152,6 @@ def test_no_image_of_a_right_dataset_is_doubted(load: Callable[[], Dataset]) -> 
     detections = load_detections(data.root / "detections.json", data)
     for image, found in detections.items():
         observation = data.observation(*image)
-        assert size_warning(observation, found, models) == "", image
-        assert size_warning(scaled(observation, 0.2), found, models), image
-        assert size_warning(scaled(observation, 5.0), found, models), image
+        assert scale_warning(observation, found, models) == "", image
+        assert scale_warning(scaled(observation, 0.2), found, models), image
+        assert scale_warning(scaled(observation, 5.0), found, models), image

@@ -24,7 +24,7 @@ from physim_drake.hypotheses.generation import HypothesisConfig
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.observation import Detection
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import make_pose
 from physim_drake.search.expansion import Rollout
 from physim_drake.search.states import Placement
@@ -56,7 +56,7 @@ def small_library() -> ObjectLibrary:
     return ObjectLibrary([library()[k] for k in (ERASER, SOAP)], "small")
 
 
-def scene_of(object_id: int) -> Scene:
+def scene_of(object_id: int) -> SegmentedScene:
     """The scene, its first segment said to be of another object."""
     first, second = made().detections
     detections = (Detection(object_id, first.box), second)

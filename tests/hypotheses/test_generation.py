@@ -12,7 +12,7 @@ from physim_drake.hypotheses.generation import (
     generate_hypotheses,
 )
 from physim_drake.hypotheses.super4pcs import Super4PcsConfig
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from tests.synthetic import (
     GLUE,
     SOAP,
@@ -32,7 +32,7 @@ def made() -> SyntheticScene:
 
 
 @cache
-def scene() -> Scene:
+def scene() -> SegmentedScene:
     return made().scene()
 
 

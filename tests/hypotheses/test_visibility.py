@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physim_drake.hypotheses.visibility import visibility
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array, make_pose
 from physim_drake.registration.registration_model import registration_model
 from tests.synthetic import (
@@ -30,11 +30,11 @@ def made() -> SyntheticScene:
 
 
 @cache
-def scene() -> Scene:
+def scene() -> SegmentedScene:
     return made().scene()
 
 
-def seen(object_id: int, X_SO: Array, scene: Scene) -> float:
+def seen(object_id: int, X_SO: Array, scene: SegmentedScene) -> float:
     return float(
         visibility(registration_model(library()[object_id]), X_SO[None], scene)[0]
     )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.observation.observation import Detection, Segment
-from physim_drake.observation.segmented_scene import Scene
+from physim_drake.observation.segmented_scene import SegmentedScene
 from physim_drake.poses import Array, make_pose
 from physim_drake.rendering.windows import DepthWindow, crop
 from physim_drake.search.states import Confirmation, StateRenderer, composite
@@ -41,7 +41,7 @@ NEAR = image([0.5, 0.52, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0])
 FAR = image([0.7, 0.0, 0.0, 0.0], [0.605, 0.595, 0.6, 0.0])
 
 
-def make_scene() -> Scene:
+def make_scene() -> SegmentedScene:
     none = np.zeros((0, 3))
     top = np.zeros((2, 4), dtype=bool)
     top[0, :2] = True
@@ -52,7 +52,7 @@ def make_scene() -> Scene:
         Segment(Detection(7, box), none, none, top),
         Segment(Detection(9, box), none, none, bottom),
     ]
-    return Scene(segments, DEPTH, OBSERVED, CAMERA, X_CS)
+    return SegmentedScene(segments, DEPTH, OBSERVED, CAMERA, X_CS)
 
 
 def make_renderer(**kwargs: Any) -> tuple[StateRenderer, FakeRenderer]:
