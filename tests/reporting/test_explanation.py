@@ -20,7 +20,7 @@ from physim_drake.reporting.explanation import (
     explain_image,
     match_truth,
 )
-from tests.reporting.explained import BOTTLE, CRAYONS, EXAMPLE, bare, example
+from tests.reporting.explained import BOTTLE, BOX, CRAYONS, EXAMPLE, bare, example
 
 
 def renderer(explanation: Explanation) -> DepthRenderer:
@@ -50,6 +50,26 @@ def test_the_recorded_searches_are_those_of_the_estimate(explanation) -> None:  
         best = max(s.score for s in record.selections)
         assert best == points[-1][1]
         assert record.tree().visits == len(record.selections)
+
+
+def test_what_a_detector_takes_for_each_other_is_explained_as_exchanged() -> None:
+    e, dataset = example(), BopDataset(EXAMPLE)
+    masks = {d.object_id: d for d in dataset.masks(1, 0)}
+    box, crayons, bottle = (masks[d.object_id] for d in e.detections)
+    wrong = [
+        replace(bottle, object_id=box.object_id, score=0.3, instead=(box,)),
+        crayons,
+        replace(box, object_id=bottle.object_id, score=0.9, instead=(bottle,)),
+    ]
+    mended = explain_image(
+        dataset, (1, 0), lambda _: wrong, "mixed up", e.library, e.config
+    )
+    assert mended.detections[BOX] is box
+    assert mended.detections[BOTTLE] is bottle
+    for k, item in enumerate(mended.estimate.objects):
+        error = mended.error(k, item.X_CO)
+        assert error is not None
+        assert error.size < 1
 
 
 def test_confidence_is_the_product_of_the_shares() -> None:
