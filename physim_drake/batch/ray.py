@@ -22,8 +22,8 @@ class RayEstimator(Closing):
     """Estimates scenes on the machines of a Ray cluster, one on each processor.
 
     Args:
-        library: see `PoseEstimator`.
-        config: see `PoseEstimator`; its number of workers is not used.
+        library: the objects that may occur.
+        config: settings of each `PoseEstimator`; `workers` is not used.
     """
 
     def __init__(self, library: ObjectLibrary, config: EstimationConfig) -> None:
@@ -54,7 +54,7 @@ class _RemoteEstimator:
         self._estimator = PoseEstimator(library, config)
 
     def estimate(self, request: EstimationRequest) -> SceneEstimate | InputError:
-        """An error is an answer, too: those to earlier requests come before it."""
+        """An error is also an answer: those to earlier requests come before it."""
         try:
             (estimate,) = self._estimator.estimate_all([request])
             return estimate
@@ -68,10 +68,10 @@ Estimator = PoseEstimator | RayEstimator
 def make_estimator(
     engine: Engine, library: ObjectLibrary, config: EstimationConfig
 ) -> Estimator:
-    """What estimates scenes there.
+    """The estimator for an engine.
 
     Raises:
-        InputError: where the engine is Ray and that is not installed, or its cluster
+        InputError: if the engine is Ray and that is not installed, or its cluster
             does not answer.
     """
     if engine is Engine.RAY:

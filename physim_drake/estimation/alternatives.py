@@ -28,8 +28,8 @@ def best_alternative(
         estimate: makes one, with detections in the order of `detections`.
         detections: where each object most likely is.
         shape: (height, width) of the image.
-        config: of the estimates; no alternatives are tried with a method that does not
-            search.
+        config: settings of the estimates; a method that does not search tries no
+            alternatives.
 
     Returns:
         the best estimate; its stages' seconds are those of all that were made.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is left of a confidence where other poses explain the image about as well.
+"""What is left of a confidence if other poses explain the image about as well.
 
 How well the image confirms a pose says nothing of others that it would confirm just as
 well: the far side of an object is not seen, and a box looks the same from both ends. So
@@ -42,11 +42,11 @@ def confidence_shares(
         best: the state that is the estimate.
         cost: its fine cost, in pixels.
         tried: states of the same objects, maybe with `best`, and their fine costs.
-        models: of the objects, by their index in the scene.
+        models: models of the objects, by their index in the scene.
         tie_fraction: costs that differ by less than this share are equally good.
 
     Returns:
-        the shares by index, 1 where no other pose of the object is as good.
+        the shares by index, 1 if no other pose of the object is as good.
     """
     weighed = [
         (state, weight)
@@ -75,8 +75,8 @@ def _others(
 ) -> float:
     """The weights of an object's other poses, each pose counted once.
 
-    A pose that another object of its kind has in the estimate is none: the two have
-    merely changed places.
+    A pose that another object of its kind has in the estimate does not count: the two
+    have merely changed places.
     """
     model = models[index]
     known = [X for k, X in best.items() if models[k].object_id == model.object_id]

@@ -100,7 +100,7 @@ class EstimationConfig:
     def paper(cls) -> EstimationConfig:
         """The paper's plain search: all expansions, one round, every pose reported.
 
-        A fixed share of the points is trimmed, where `estimate` else weighs them.
+        A fixed share of the points is trimmed; by default they are weighed instead.
         """
         trimmed = TrimmedIcpConfig(keep=0.7, soft=False, cutoff=0.01)
         return cls(
@@ -118,7 +118,7 @@ class EstimationConfig:
         return LEAST_CONFIDENCE if self.method.searches else 0.0
 
     def with_budget(self, expansions: int, representatives: int) -> EstimationConfig:
-        """The same with other sizes of the search and of the hypotheses' sets."""
+        """The same with another size of the search and other numbers of hypotheses."""
         steps = self.steps
         clustering = replace(
             steps.hypotheses.clustering, representatives=representatives

@@ -55,8 +55,8 @@ class GroupEstimator:
     Args:
         scene: the scene, which the pool's workers have already.
         library: models of its objects.
-        pool: does the computing.
-        config: of the search.
+        pool: workers that do the computing.
+        config: settings of the search.
         clock: books the seconds of each stage.
         on_search: hears of each search when it is done.
     """
@@ -153,7 +153,7 @@ class GroupEstimator:
         }
 
     def _most_plausible(self, refined: Sequence[CostedState]) -> CostedState:
-        """The state of least fine cost; physics decides where that hardly differs.
+        """The state of least fine cost; physics decides if that hardly differs.
 
         What hides of an object may fit the image in several ways, but not all of them
         carry what lies on it.
@@ -174,13 +174,13 @@ class GroupEstimator:
         hypotheses: Mapping[int, Array],
         tried: list[CostedState],
     ) -> CostedState:
-        """The state with objects in other poses where those explain the image better.
+        """The state with objects in other poses, if those explain the image better.
 
         One at a time, each object is turned over and put at each of its hypotheses
         among the others as they are: the search need not have tried the other ways in
-        which an object that hardly shows fits the image. It stays as it was found where
-        the fine cost falls by less than a tie's share. What is refined for it is added
-        to `tried`.
+        which an object that hardly shows fits the image. It stays as it was found if
+        the fine cost falls by less than `cost_tie_fraction`. What is refined for it is
+        added to `tried`.
         """
         while True:
             ways = self._pool.map(
@@ -240,10 +240,10 @@ def make_hypotheses(
     """Hypotheses of objects, from their points less what others explain.
 
     Args:
-        pool: does the computing.
-        config: gives the seed.
+        pool: workers that do the computing.
+        config: settings, of which the seed is used.
         requests: index of each object, and the poses of the others.
-        number: of the round; each draws other random numbers.
+        number: number of the round; each draws other random numbers.
 
     Returns:
         those of objects that any pose fits.

@@ -26,11 +26,11 @@ def object_estimates(
 
     Args:
         prepared: the image.
-        searched: what was found in it.
-        confidences: how well the image confirms each object that was placed, 0..1, by
-            its index in the scene.
+        searched: poses that were found in it.
+        confidences: confidence of each object that was placed, 0..1, by its index in
+            the scene.
         library: models of the objects.
-        config: says how much confidence is required.
+        config: settings, of which the required confidence is used.
     """
     estimates = []
     for k, segment in enumerate(prepared.segmented.segments):

@@ -52,7 +52,7 @@ def register_principal_axes(
     Args:
         scene: the segments.
         library: models of the objects.
-        indices: which objects of the scene.
+        indices: indices of the objects in the scene.
     """
     placed = {}
     for k in indices:

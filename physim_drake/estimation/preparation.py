@@ -44,10 +44,10 @@ class PreparedScene:
     Attributes:
         observation: the image.
         detections: one for each object to find.
-        surface: what the objects rest on.
+        surface: plane that the objects rest on.
         segmented: the image cut into segments, one for each detection; hypotheses are
             in the frame S of its surface.
-        seconds: taken to make it.
+        seconds: time taken to make it, s.
     """
 
     observation: RgbdObservation
@@ -65,7 +65,7 @@ def prepare(
     Args:
         request: the image and what to find in it.
         library: models of the objects.
-        seed: of the search for the surface.
+        seed: seed of the search for the surface.
 
     Raises:
         InputError: if the surface cannot be found.

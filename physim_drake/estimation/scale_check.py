@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Whether the detections have the size of their models at the measured depth.
 
-A wrong unit of the depth image or of the meshes spoils every estimate and raises no
-error. It shows in one thing: all detections are too large, or too small, alike.
+A wrong unit of the depth image or of the meshes spoils every estimate, but raises
+nothing. It shows in one thing: all detections are alike too large, or too small.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def scale_warning(
     detections: Sequence[Detection],
     library: Mapping[int, ObjectModel],
 ) -> str:
-    """Says so where all detections are far too large, or all far too small.
+    """Says so if all detections are far too large, or all far too small.
 
     Args:
         observation: the image.
@@ -37,7 +37,7 @@ def scale_warning(
         library: their models.
 
     Returns:
-        what is wrong and what to check; empty where the sizes can be right.
+        what is wrong and what to check; empty if the sizes can be right.
     """
     seen = [
         (ratio, depth)

@@ -44,8 +44,8 @@ class SceneSearch:
     Args:
         scene: the scene, which the pool's workers have already.
         library: models of its objects.
-        pool: does the computing.
-        config: of the search.
+        pool: workers that do the computing.
+        config: settings of the search.
         clock: books the seconds of each stage.
         on_search: hears of each search of a group when it is done.
     """
@@ -91,8 +91,8 @@ class SceneSearch:
     def _suspects(self, confidence: Mapping[int, float]) -> list[int]:
         """Objects that may cost others their poses: the two least confirmed, if absent.
 
-        An object that is not there has to be put somewhere all the same, where it takes
-        points from others or pushes them away.
+        An object that is not there is still put somewhere. There it takes points from
+        others or pushes them away.
         """
         doubtful = [k for k, c in confidence.items() if c < self._config.confident_from]
         if len(doubtful) < 2:

@@ -59,7 +59,7 @@ class Worker:
 
     Args:
         library: the objects that scenes may hold.
-        config: settings of the steps.
+        config: settings of the steps that a worker computes.
     """
 
     def __init__(self, library: ObjectLibrary, config: WorkerConfig) -> None:
@@ -156,9 +156,9 @@ class WorkerPool(Closing):
     """Runs a `Worker`'s methods on many arguments at once.
 
     Args:
-        library: see `Worker`.
-        config: see `Worker`.
-        workers: processes; 1 computes in this process, where nothing is retried.
+        library: the objects that scenes may hold.
+        config: settings of the steps, and of what is done when a process fails.
+        workers: number of processes; 1 computes in this process and retries nothing.
 
     Use it as a context manager, or call `close`.
     """
@@ -174,7 +174,7 @@ class WorkerPool(Closing):
 
     @property
     def pids(self) -> list[int]:
-        """The worker processes at the moment; none where this one computes."""
+        """Ids of the worker processes at the moment; none if this one computes."""
         return [] if self._processes is None else self._processes.pids
 
     def set_scene(self, scene: SegmentedScene) -> None:

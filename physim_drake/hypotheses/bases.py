@@ -45,11 +45,11 @@ def draw_bases(
         points: the segment's, (N, 3), m.
         reach: no diagonal is longer, m.
         gap: the diagonals pass each other at most this far apart, m.
-        count: how often to try.
-        generator: of the random choices.
+        count: number of tries.
+        generator: source of the random choices.
 
     Returns:
-        at most `count` bases; fewer where no second diagonal of a first one is good.
+        at most `count` bases; fewer if no second diagonal of a first one is good.
     """
     first = generator.integers(len(points), size=count)
     partner = generator.random(count)

@@ -29,7 +29,7 @@ class ClusteringConfig:
         members: the best-scored members of each translation cluster that the second
             level looks at; its cost grows with their square.
         kernel_width: standard deviation of the rotation kernel, rad.
-        iterations: of either k-means.
+        iterations: iterations of either k-means.
     """
 
     representatives: int = 25
@@ -51,13 +51,13 @@ def cluster_poses(
     Args:
         X_SO: (N, 4, 4).
         weights: positive, (N,); larger weighs more.
-        symmetry: of the object; equivalent rotations are at distance zero.
+        symmetry: symmetry of the object; equivalent rotations are at distance zero.
         generator: seeds both k-means.
         config: numbers of clusters.
 
     Returns:
         Indices of the representatives, at most `config.representatives`, in falling
-        order of their cluster's weight; fewer where the set has fewer distinct poses.
+        order of their cluster's weight; fewer if the set has fewer distinct poses.
     """
     count = config.representatives
     if len(X_SO) <= count:

@@ -39,7 +39,7 @@ class HypothesisConfig:
         super4pcs: sizes and tolerances of the congruent sets.
         clustering: numbers of representatives.
         segment_points: points of the segment that are matched and scored.
-        lcp_delta: how near a point must be to the model to count, m.
+        lcp_delta: distance from the model within which a point counts, m.
         coarse_delta: the same while the poses are not yet polished.
         polished: this many of the most promising poses get a short trimmed ICP, and
             are scored again.
@@ -62,7 +62,7 @@ class PoseHypotheses:
     """Scored poses of one object, and the few that represent them.
 
     Attributes:
-        object_id: which object.
+        object_id: id of the object.
         X_SO: all poses, (N, 4, 4), in the support frame.
         lcp: their LCP scores, (N,), 0..1.
         representatives: indices of the poses to search over, best LCP first, (K,).
@@ -104,11 +104,11 @@ def generate_hypotheses(
         scene: the image it is in.
         points: p_S of its segment, (N, 3), m.
         normals: their unit normals, (N, 3).
-        generator: of all random choices.
+        generator: source of all random choices.
         config: sizes and tolerances.
 
     Returns:
-        The whole scored set; empty where the segment is too small to match.
+        The whole scored set; empty if the segment is too small to match.
     """
     prepared = registration_model(model)
     if len(points) > config.segment_points:

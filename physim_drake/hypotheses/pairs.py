@@ -27,14 +27,14 @@ class PairIndex:
     Attributes:
         points: p_O, (N, 3), m.
         normals: unit, (N, 3).
-        lengths: of the pairs, rising, (P,), m.
+        lengths: lengths of the pairs, rising, (P,), m.
         first: index of the point each pair begins at, (P,).
         second: index of the point each pair ends at, (P,).
         angles: the three of `pair_angles` of each pair, (3, P), rad.
 
     Args:
-        points: see above.
-        normals: see above.
+        points: model points p_O, (N, 3), m.
+        normals: their normals, unit, (N, 3).
     """
 
     def __init__(self, points: Array, normals: Array) -> None:

@@ -32,7 +32,7 @@ def fit_sets(
     """Least-squares poses of congruent sets, from points and normals.
 
     Args:
-        points: of the base, (4, 3), m.
+        points: points of the base, (4, 3), m.
         normals: its unit normals, (4, 3).
         model: p_O of all model points, (N, 3), m.
         model_normals: their unit normals, (N, 3).

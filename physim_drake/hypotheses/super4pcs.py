@@ -30,10 +30,10 @@ class Super4PcsConfig:
         hypotheses: stops when this many poses were found.
         sets_per_base: at most this many of one base's congruent sets, drawn evenly.
         max_pairs: at most this many model pairs for one diagonal, drawn evenly.
-        delta: how well distances must agree, m; the root mean square distance of a
-            pose's four points is at most twice as much.
-        max_normal_angle: how well normals must agree, rad.
-        max_set_angle: how well the angle between the diagonals must agree, rad.
+        delta: greatest difference of distances that agree, m; the root mean square
+            distance of a pose's four points is at most twice as much.
+        max_normal_angle: greatest angle between normals that agree, rad.
+        max_set_angle: greatest difference of the angles between diagonals, rad.
         max_bases: stops after trying this many bases.
     """
 
@@ -63,7 +63,7 @@ def super4pcs(
         config: sizes and tolerances.
 
     Returns:
-        X_SO, (M, 4, 4); empty where the segment has too few points or fits nowhere.
+        X_SO, (M, 4, 4); empty if the segment has too few points or fits nowhere.
     """
     poses = np.zeros((config.hypotheses, 4, 4))
     if len(points) < 4:
@@ -97,7 +97,7 @@ def congruent_sets(
 
     Args:
         index: the model's pairs.
-        points: of the base, (4, 3), m.
+        points: points of the base, (4, 3), m.
         normals: its unit normals, (4, 3).
         ratios: where its diagonals 0-1 and 2-3 cross, (2,).
         angle: between its diagonals, rad.

@@ -2,9 +2,9 @@
 """How much of what a pose would show the camera has indeed seen.
 
 The LCP score asks how much of the segment a pose explains; this asks the reverse. A
-point on the model's near side is confirmed where the depth image has it, refuted where
-the camera measured something behind it or where it would be below the surface, and
-says nothing where something nearer hides it.
+point on the model's near side is confirmed if the depth image has it, refuted if the
+camera measured something behind it or if it would be below the surface, and says
+nothing if something nearer hides it.
 """
 
 from __future__ import annotations

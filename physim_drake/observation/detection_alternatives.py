@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Other places for objects that a network is not sure of.
 
-In the dark, or where little of a thing shows, a network may take two things for each
-other, or one for something else. Where they are it sees all the same, if with less
-score; which is which, the depth image tells better.
+In the dark, or if little of a thing shows, a network may take two things for each
+other, or one for something else. It still sees them, if with a lower score. The depth
+image tells better which is which.
 """
 
 from __future__ import annotations

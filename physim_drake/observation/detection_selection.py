@@ -160,7 +160,7 @@ def _things(
 
 
 def _score(object_id: int, thing: list[Detection]) -> float:
-    """How likely a thing is this object; 0 where the network does not see it there."""
+    """How likely a thing is this object; 0 if the network does not see it there."""
     own = next((d.score for d in thing if d.object_id == object_id), None)
     return 0.0 if own is None else own + _MISTAKEN * (thing[0].score - own)
 

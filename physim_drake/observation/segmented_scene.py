@@ -19,7 +19,7 @@ class SegmentedScene:
 
     Attributes:
         segments: one for each object to find.
-        depth: the depth image as it was measured, m, 0 where unknown.
+        depth: the depth image as it was measured, m, 0 if unknown.
         observed: the same with the support surface set to 0.
         intrinsics: of the camera.
         X_CS: pose of the support frame in the camera, (4, 4).

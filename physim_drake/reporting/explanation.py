@@ -38,7 +38,7 @@ class StageError:
 
     Attributes:
         angle_deg: least over the symmetries, degrees.
-        distance_mm: of the origins.
+        distance_mm: distance of the origins, mm.
     """
 
     angle_deg: float
@@ -65,15 +65,15 @@ class Explanation:
         observation: the image.
         detections: the objects to find; everything below goes by their index.
         library: their models.
-        config: of the estimate.
-        surface_height: of the support surface in the world, m, if it was given.
+        config: settings of the estimate.
+        surface_height: z of the support surface in the world, m, if it was given.
         scene: segments and support frame.
-        hypotheses: of each object, maybe none.
-        graph: which object is placed before which.
+        hypotheses: hypotheses of each object, maybe none.
+        graph: order in which objects are placed.
         searches: the first search of each group.
-        estimate: what came of it all.
-        truth: the true X_CO (4, 4) of each object, None where it is not known.
-        seconds: by stage.
+        estimate: poses that came of it all.
+        truth: the true X_CO (4, 4) of each object, None if it is not known.
+        seconds: seconds by stage.
     """
 
     image: ImageId
@@ -100,7 +100,7 @@ class Explanation:
         )
 
     def error(self, k: int, X_CO: Array | None) -> StageError | None:
-        """Of a pose of object `k`; None where that or the truth is not known."""
+        """Of a pose of object `k`; None if that or the truth is not known."""
         truth = self.truth[k]
         if truth is None or X_CO is None:
             return None
@@ -145,18 +145,18 @@ def explain_image(
     """Estimates one image and keeps what each stage gave.
 
     Args:
-        dataset: where the image is.
+        dataset: holds the image.
         image: scene id and image id.
         look_up: gives the image's detections.
-        source: what to call where they come from.
+        source: name of where they come from, for messages.
         library: models of the objects.
-        config: of the estimate; the method must be `physim-mcts`.
+        config: settings of the estimate; the method must be `physim-mcts`.
         surface_height: z of the support surface in the world, m; found if None.
-        targets: what to look for; the dataset's own if None.
+        targets: objects to look for; the dataset's own if None.
         told: hears, whenever a step is done, the name of the next one.
 
     Raises:
-        InputError: where the image cannot be used.
+        InputError: if the image cannot be used.
     """
     if config.method is not Method.PHYSIM_MCTS:
         raise InputError("method", f"is {config.method}", "explain physim-mcts")
@@ -203,10 +203,10 @@ class _Attempt:
 
     Attributes:
         prepared: the image with the detections of this estimate.
-        hypotheses: of each object.
-        seconds: taken for them.
-        searches: in their order.
-        estimate: what came of it all.
+        hypotheses: hypotheses of each object.
+        seconds: time taken for them, s.
+        searches: searches of groups, in their order.
+        estimate: poses that came of it all.
     """
 
     prepared: PreparedScene
@@ -259,7 +259,7 @@ def match_truth(
     truth: Sequence[GroundTruthPose],
     intrinsics: CameraIntrinsics,
 ) -> tuple[Array | None, ...]:
-    """The true X_CO (4, 4) of each detection, None where there is none.
+    """The true X_CO (4, 4) of each detection, None if there is none.
 
     Instances of one object are matched so that the ways in the image from the middles
     of the detections to where the true origins project add up to the least.

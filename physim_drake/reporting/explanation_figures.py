@@ -103,9 +103,9 @@ def anytime_curve(
     """Scores of all complete states of a search, and the best so far.
 
     Args:
-        record: of the group's first search.
+        record: the group's first search.
         later: traces of its further searches.
-        pixels: of the group's segments.
+        pixels: number of pixels of the group's segments.
     """
     with page_style():
         figure = Figure(figsize=(9.0, 3.0), layout="constrained")
@@ -161,8 +161,8 @@ class Block:
         row: 0 for the group's first object.
         color: by the mean score.
         dark: whether `color` is dark.
-        rank: of the hypothesis, from 1.
-        text: what a reader sees on pointing at it.
+        rank: rank of the hypothesis, from 1.
+        text: text that a reader sees on pointing at it.
         best: whether the best state came through it.
     """
 
@@ -180,8 +180,8 @@ def tree_blocks(record: SearchRecord, names: Sequence[str]) -> list[Block]:
     """A search's tree as rows of blocks, one below the other.
 
     Args:
-        record: of the search.
-        names: of all objects.
+        record: the search.
+        names: names of all objects.
     """
     root = record.tree()
     means = [node.mean for node in _below(root)]
@@ -235,8 +235,8 @@ class GraphNode:
     """An object of the dependency graph, drawn as a box.
 
     Attributes:
-        index: of the object.
-        column: how many objects must be placed before it, at least.
+        index: index of the object.
+        column: least number of objects that are placed before it.
         row: its place among those of its column.
     """
 
@@ -250,7 +250,7 @@ def graph_nodes(edges: Sequence[tuple[int, int]], count: int) -> list[GraphNode]
 
     Args:
         edges: (i, j): object i before object j, without a cycle.
-        count: how many objects there are.
+        count: number of objects.
     """
     graph: nx.DiGraph = nx.DiGraph()
     graph.add_nodes_from(range(count))

@@ -40,14 +40,14 @@ def write_explanation(explanation: Explanation, folder: Path) -> Path:
     """Writes the page of an image into a folder.
 
     Args:
-        explanation: of the image.
+        explanation: explanation of the image.
         folder: it must exist.
 
     Returns:
         the page, named after its image.
 
     Raises:
-        InputError: where the folder cannot be written.
+        InputError: if the folder cannot be written.
     """
     scene_id, im_id = explanation.image
     path = folder / f"{scene_id:06d}_{im_id:06d}.html"

@@ -41,8 +41,8 @@ class Pictures:
     """Draws the stages of one explanation; images are (height, width, 3) RGB.
 
     Args:
-        explanation: of which image.
-        renderer: of its models and its camera.
+        explanation: explanation of the image.
+        renderer: renderer of its models and its camera.
     """
 
     def __init__(self, explanation: Explanation, renderer: DepthRenderer) -> None:
@@ -50,12 +50,12 @@ class Pictures:
 
     @cached_property
     def plain(self) -> Image:
-        """The colour image, or the depth in grey where there is none."""
+        """The colour image, or the depth in grey if there is none."""
         return self._overlay(())
 
     @cached_property
     def _inside(self) -> Mask:
-        """The pixels of all segments; all pixels where there is none."""
+        """The pixels of all segments; all pixels if there is none."""
         inside = np.any([s.mask for s in self._e.scene.segments], axis=0)
         return np.asarray(inside | (not inside.any()))
 
@@ -218,7 +218,7 @@ def _tint(canvas: Image, mask: Mask, color: Color, share: float) -> None:
 
 
 def _colored(share: NDArray[np.floating], known: Mask) -> Image:
-    """Colours of values 0..1, black where they are not known."""
+    """Colours of values 0..1, black if they are not known."""
     rgb = (matplotlib.colormaps["viridis"](share)[..., :3] * 255).astype(np.uint8)
     rgb[~known] = 0
     return np.asarray(rgb)

@@ -117,7 +117,7 @@ def stage_errors(explanation: Explanation, k: int) -> list[StageError | None]:
 
     Returns:
         of the best-scored hypothesis, of the nearest one kept, of the best state of
-        the first search, and of the estimate; None where there is none.
+        the first search, and of the estimate; None if there is none.
     """
     nearest = explanation.nearest_representative(k)
     first = 0 if len(explanation.hypotheses[k].X_SO) else None

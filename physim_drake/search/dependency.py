@@ -4,7 +4,7 @@
 Two rules draw an edge i -> j (i first): the footprints of their segments on the
 support surface overlap and j's centroid is higher; or their boxes overlap in the image
 and j's centroid is farther from the camera. The first rule alone cannot cycle, heights
-being ordered. Where the rules contradict each other, support wins: edges of the second
+being ordered. If the rules contradict each other, support wins: edges of the second
 rule are added from the largest difference in depth down, and one that would close a
 cycle is left out.
 """

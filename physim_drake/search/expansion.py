@@ -51,7 +51,7 @@ class RolloutResult:
     Attributes:
         poses: X_SO of each added object after alignment and settling.
         score: C of the final state.
-        intruding: how many of its pixels stand before what the camera saw.
+        intruding: number of its pixels that stand before what the camera saw.
     """
 
     poses: tuple[Array, ...]
@@ -105,7 +105,7 @@ class SceneExpander:
         """The pose an object takes, from a hypothesis, among those placed.
 
         Returns:
-            X_SO (4, 4); where the object left the scene, it stays where it was aligned.
+            X_SO (4, 4); an object that leaves the scene stays as it was aligned.
         """
         config = self._config
         points, normals = self.resegment(placed, index)
@@ -127,7 +127,7 @@ class SceneExpander:
         Args:
             placed: the state, with the object.
             index: of the object.
-            poses: X_SO (N, 4, 4) to begin at. It is turned over, too, by each motion
+            poses: X_SO (N, 4, 4) to begin at. It is also turned over by each motion
                 that maps it nearly onto itself: a bottle on its cap looks much like
                 one on its base.
 

@@ -33,7 +33,7 @@ class SearchConfig:
             better state; infinite if a group is searched again.
         time_limit_s: seconds a group; none by default, since it ends reproducibility.
         exploration_px: the UCB constant alpha, in pixels.
-        rollout: how hypotheses are drawn below the tree: at random, or the best LCP.
+        rollout: choice of hypotheses below the tree: at random, or the best LCP.
         round_size: rollouts selected before any of them is scored.
         kept_states: complete states handed on to refinement, those with the highest C;
             and one more if it is not one of them: the highest C less the pixels that
@@ -85,7 +85,7 @@ class TracePoint:
     """The best state at one moment of a search.
 
     Attributes:
-        expansion: how many had been made.
+        expansion: number of expansions made by then.
         seconds: since the search began.
         score: best C so far, in pixels.
         poses: X_SO (N, 4, 4) of that state, in the group's order.
@@ -106,7 +106,7 @@ class SearchResult:
         states: the best complete states (see `kept_states`), best first; empty if none
             was scored.
         trace: the anytime curve, a point each time the best score rose.
-        expansions: how many were made.
+        expansions: number of expansions made.
     """
 
     order: tuple[int, ...]

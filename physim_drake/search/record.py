@@ -14,7 +14,7 @@ class TreeNode:
     """A partial state of the tree: the group's first objects at some hypotheses.
 
     Attributes:
-        path: those hypotheses, by index, in the group's order.
+        path: indices of those hypotheses, in the group's order.
         visits: selections that went through it.
         mean: mean score of these, in pixels.
         best: the best of them.
@@ -34,7 +34,7 @@ class SearchRecord:
 
     Attributes:
         selections: in their order.
-        result: what the search gave.
+        result: best states and anytime curve.
     """
 
     selections: tuple[Selection, ...]
@@ -57,7 +57,7 @@ def grown_tree(selections: Sequence[Selection]) -> TreeNode:
     yet. What follows in the path was drawn at random.
 
     Args:
-        selections: of one search, in their order.
+        selections: selections of one search, in their order.
     """
     scores: dict[Path, list[int]] = {(): []}
     for selection in selections:

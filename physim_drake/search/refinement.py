@@ -39,7 +39,7 @@ class RefinementConfig:
         points_per_object: observed points an object, at most.
         gate_m: a point farther than this from every object counts for none, m.
         residual_scale_m: residuals beyond this lose their pull (Geman-McClure), m.
-        cost_cutoff_m: of the fine cost: a pixel errs by this at most, m.
+        cost_cutoff_m: greatest error of a pixel in the fine cost, m.
         see_past_m: the camera saw past a rendered pixel if it measured more than this
             behind it, m.
         silhouette_weight: weight of a pixel seen through, against an observed point.
@@ -149,8 +149,8 @@ class JointRefiner:
     def _silhouettes(self, poses: Placement) -> dict[int, tuple[Array, Array]]:
         """What each object hides that the camera saw: p_O, and targets p_S (N, 3).
 
-        The target of a point is where it would be in the nearest pixel in which the
-        camera did not see past it.
+        The target of a point is its place in the nearest pixel in which the camera did
+        not see past it.
         """
         scene = self._renderer.scene
         image, labels = self._renderer.labels(poses)

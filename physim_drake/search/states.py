@@ -32,10 +32,10 @@ class ExpansionConfig:
         resegment_distance_m: points nearer than this to a placed object are taken from
             the segment of the next, m.
         min_points: a segment that would keep fewer points is left whole.
-        icp: of the trimmed ICP.
+        icp: settings of the trimmed ICP.
         icp_points: at most this many points of a segment are aligned.
-        settle: of the physics. An object that falls 5 cm is not followed farther: of
-            150 such falls, the image confirmed one.
+        settle: settings of the physics. An object that falls 5 cm is not followed
+            farther: of 150 such falls, the image confirmed one.
         settle_loss_fraction: the settled pose is dropped, and the registered one kept,
             if settling loses more than this share of the pixels the object explained:
             what held the object is not placed yet, or not well enough.
@@ -74,10 +74,10 @@ class StateRenderer:
     """Draws states of a scene and scores them, remembering single objects' windows.
 
     Args:
-        scene: what was observed.
+        scene: segments and depth that were observed.
         renderer: draws single objects of it.
-        epsilon: of the score, m.
-        remembered: how many objects' windows are kept.
+        epsilon: depths agree if they differ by less, m.
+        remembered: number of objects' windows that are kept.
     """
 
     def __init__(
@@ -160,10 +160,10 @@ def confirmations(
     """How well an image confirms objects that are drawn over it.
 
     Args:
-        scene: what was observed.
+        scene: segments and depth that were observed.
         drawn: depth of all objects that are placed, (height, width), m; 0 if none.
         labels: index of the object seen in each pixel, (height, width); -1 if none.
-        indices: which objects of the scene.
+        indices: indices of the objects in the scene.
         epsilon: depths agree if they differ by less, m.
 
     Returns:
