@@ -33,8 +33,8 @@ from physim_drake.search.expansion import Rollout, RolloutResult, SceneExpander
 from physim_drake.search.refinement import JointRefiner, RefinementConfig
 from physim_drake.search.states import ExpansionConfig, Placement
 
-Arguments = TypeVarTuple("Arguments")
-Result = TypeVar("Result")
+_Arguments = TypeVarTuple("_Arguments")
+_Result = TypeVar("_Result")
 
 # Drake's diagrams refer to themselves, so that only the collector frees them. It counts
 # objects, not bytes: left to itself, it lets tens of megabytes of them gather.
@@ -191,9 +191,9 @@ class WorkerPool(Closing):
 
     def map(
         self,
-        method: Callable[[Worker, *Arguments], Result],
-        arguments: Sequence[tuple[*Arguments]],
-    ) -> list[Result]:
+        method: Callable[[Worker, *_Arguments], _Result],
+        arguments: Sequence[tuple[*_Arguments]],
+    ) -> list[_Result]:
         """Calls a `Worker`'s method once with each tuple of arguments.
 
         A worker process that dies or hangs is replaced, and its call made again.
@@ -214,8 +214,8 @@ class WorkerPool(Closing):
             return [method(self._worker, *args) for args in arguments]
 
     def one(
-        self, method: Callable[[Worker, *Arguments], Result], *arguments: *Arguments
-    ) -> Result:
+        self, method: Callable[[Worker, *_Arguments], _Result], *arguments: *_Arguments
+    ) -> _Result:
         """Calls a `Worker`'s method once; see `map`."""
         return self.map(method, [arguments])[0]
 

@@ -20,7 +20,7 @@ from physim_drake.errors import InputError, PhysimError
 from physim_drake.extras import need_extra
 from physim_drake.parallel.log_levels import telling_as_here
 
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 _PATIENCE = 10.0  # s until a cluster must answer
 _AHEAD = 2  # calls a processor that are on their way
@@ -134,13 +134,13 @@ def call_method(key: str, make: bytes, data: bytes) -> bytes:
         return pickle.dumps(("error", error))
 
 
-def in_order(results: Iterable[tuple[int, Result]]) -> Iterator[Result]:
+def in_order(results: Iterable[tuple[int, _Result]]) -> Iterator[_Result]:
     """The results by index, each as soon as those before it are there.
 
     Args:
         results: (index, result) from 0, in any order.
     """
-    waiting: dict[int, Result] = {}
+    waiting: dict[int, _Result] = {}
     following = 0
     for index, result in results:
         waiting[index] = result
