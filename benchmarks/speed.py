@@ -273,9 +273,7 @@ def _scene_row(
     degrees = [
         _MISSING[0] if c.rotation_deg is None else c.rotation_deg for c in compared
     ]
-    metres = [
-        _MISSING[1] if c.translation_m is None else c.translation_m for c in compared
-    ]
+    metres = [_MISSING[1] if c.translation is None else c.translation for c in compared]
     return {
         "kind": kind,
         "objects": number,

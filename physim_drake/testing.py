@@ -14,13 +14,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from physim_drake.datasets.bop import GroundTruthPose
+from physim_drake.evaluation.matching import (
+    ObjectError,
+    ObjectPose,
+    object_errors,
+    poses_in_camera,
+)
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.observation import Detection, RgbdObservation
-from physim_drake.pose_errors import pose_error
-from physim_drake.poses import Array
 from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.scenes.generation import write_models
 from physim_drake.scenes.recording import DatasetConfig, record_scene
@@ -95,81 +98,28 @@ def _detection(entry: Mapping[str, Any]) -> Detection:
     return Detection(entry["category_id"], box, entry["score"])
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """One true object and the estimate matched with it.
-
-    Attributes:
-        name: the object's.
-        rotation_deg: rotation angle between them, least over the symmetries; None
-            where the object was not found.
-        translation_m: distance of the origins; None where the object was not found.
-    """
-
-    name: str
-    rotation_deg: float | None
-    translation_m: float | None
-
-    def within(self, max_rotation_deg: float, max_translation_m: float) -> bool:
-        """Whether the object was found and is off by no more than this."""
-        return (
-            self.rotation_deg is not None
-            and self.translation_m is not None
-            and self.rotation_deg <= max_rotation_deg
-            and self.translation_m <= max_translation_m
-        )
-
-    def __str__(self) -> str:
-        if self.rotation_deg is None or self.translation_m is None:
-            return f"{self.name}: not found"
-        return (
-            f"{self.name}: off by {self.rotation_deg:.2f} deg, "
-            f"{1000 * self.translation_m:.1f} mm"
-        )
-
-
 def compare_poses(
     estimate: SceneEstimate,
     ground_truth: Iterable[GroundTruthPose],
     library: ObjectLibrary,
-) -> list[Comparison]:
+) -> tuple[ObjectError, ...]:
     """Compares every true object with the estimate of it.
 
-    Several instances of one object are matched so that their distances add up to the
-    least.
+    Several instances of one object are matched one to one so that their distances add
+    up to the least.
 
     Args:
-        estimate: with poses in the camera.
+        estimate: scene with poses in the camera.
         ground_truth: true poses in the same camera.
-        library: for names and symmetries.
+        library: models of the objects, for names and symmetries.
 
     Returns:
-        one comparison for each true object, grouped by object id.
+        one error for each true object, in their order.
     """
-    truths: dict[int, list[Array]] = {}
-    for truth in ground_truth:
-        truths.setdefault(truth.object_id, []).append(truth.X_CO)
-    compared: list[Comparison] = []
-    for object_id, X_CO_true in truths.items():
-        found = [
-            o.X_CO
-            for o in estimate.objects
-            if o.object_id == object_id and o.X_CO is not None
-        ]
-        model = library[object_id]
-        costs = np.array(
-            [[np.linalg.norm(X[:3, 3] - T[:3, 3]) for X in found] for T in X_CO_true]
-        ).reshape(len(X_CO_true), len(found))
-        rows, columns = linear_sum_assignment(costs)
-        matches = dict(zip(rows.tolist(), columns.tolist(), strict=True))
-        for n, T in enumerate(X_CO_true):
-            if n not in matches:
-                compared.append(Comparison(model.name, None, None))
-                continue
-            error = pose_error(T, found[matches[n]], model.symmetry)
-            angle = float(np.degrees(error.geodesic))
-            compared.append(Comparison(model.name, angle, error.translation))
-    return compared
+    true = [
+        ObjectPose(library[t.object_id].name, t.object_id, t.X_CO) for t in ground_truth
+    ]
+    return object_errors(poses_in_camera(estimate), true, library)
 
 
 def assert_poses_close(

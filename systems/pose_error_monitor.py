@@ -7,7 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from physim_drake.evaluation.scene_errors import ObjectError, TruePose, object_errors
+from physim_drake.evaluation.matching import (
+    ObjectError,
+    ObjectPose,
+    object_errors,
+    poses_in_world,
+)
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.systems.ground_truth import TruePoses
@@ -78,10 +83,11 @@ class PoseErrorMonitor(Stage):
         """Adds the errors of a look."""
         objects: tuple[ObjectError, ...] = ()
         if not look.error:
-            truth = {
-                name: TruePose(self._ids[name], X_WO)
+            true = [
+                ObjectPose(name, self._ids[name], X_WO)
                 for name, X_WO in look["look_poses"].items()
-            }
-            objects = object_errors(look["scene_estimate"], truth, self._library)
+            ]
+            found = poses_in_world(look["scene_estimate"])
+            objects = object_errors(found, true, self._library)
         errors = LookErrors(look.number, look.time, objects, look.error)
         return ((*(look.last[0].value or ()), errors),)

@@ -84,7 +84,7 @@ def test_instances_are_matched_to_the_nearest_truth(objects: ObjectLibrary) -> N
     compared = compare_poses(
         found, [truth(BALL, pose(0.1)), truth(BALL, pose(0.31))], objects
     )
-    assert [c.translation_m for c in compared] == pytest.approx([0.0, 0.01])
+    assert [c.translation for c in compared] == pytest.approx([0.0, 0.01])
 
 
 def test_one_of_two_instances_missing_is_noticed(objects: ObjectLibrary) -> None:

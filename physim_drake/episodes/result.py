@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from physim_drake.evaluation.scene_errors import ObjectError
+from physim_drake.evaluation.matching import ObjectError
 from physim_drake.picking.task_state import EventKind, TaskEvent
 
 _FAILURES = (

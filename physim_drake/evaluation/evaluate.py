@@ -12,6 +12,11 @@ from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
 from physim_drake.datasets.results import ResultRow
 from physim_drake.errors import InputError
+from physim_drake.evaluation.matching import (
+    match_objects,
+    origin_distances,
+    visible_instances,
+)
 from physim_drake.evaluation.report import EvaluationReport, TargetErrors
 from physim_drake.evaluation.visible_surface import RenderDepth, SceneDistances, vsd
 from physim_drake.objects.library_files import BOP_FILE, find_objects
@@ -47,9 +52,10 @@ def evaluate_results(
     """Compares estimates with the true poses of the dataset's targets.
 
     Of each object and image the `inst_count` estimates with the highest scores are
-    taken; each true pose in turn is matched with the nearest one left. Symmetries are
-    those of models_info.json where the models folder has one (an object it names none
-    for has none), else the library's.
+    taken. They are matched one to one with the visible true poses so that the distances
+    add up to the least; see `physim_drake.evaluation.matching`. Symmetries are those of
+    models_info.json if the models folder has one (an object without an entry there has
+    no symmetry), else the library's.
 
     Args:
         dataset: with ground truth.
@@ -119,11 +125,7 @@ class _Judge:
         """Errors of each true instance of the target."""
         image = (target.scene_id, target.im_id)
         poses = self._dataset.ground_truth(*image)
-        true = [
-            (index, pose)
-            for index, pose in enumerate(poses)
-            if pose.object_id == target.object_id
-        ][: target.count]
+        true = visible_instances(poses, target.object_id, target.count)
         if not true:
             raise InputError(
                 self._dataset.root,
@@ -131,20 +133,26 @@ class _Judge:
                 f"image {image[1]}",
                 "results can only be judged where scene_gt.json is given",
             )
-        left = sorted(estimates, key=lambda row: -row.score)[: target.count]
+        rows = sorted(estimates, key=lambda row: -row.score)[: target.count]
+        matches = match_objects(
+            [target.object_id] * len(true),
+            [target.object_id] * len(rows),
+            origin_distances([poses[k].X_CO for k in true], [r.X_CO for r in rows]),
+        )
+        matched = dict(zip(true, matches, strict=True))
+        # More instances may be visible than the target asks for; any of them will do.
+        counted = sorted(true, key=lambda k: matched[k] is None)[: target.count]
         errors = []
-        for index, pose in true:
+        for index in sorted(counted):
+            pose, best = poses[index], matched[index]
             missed = TargetErrors(*image, target.object_id, index, pose.level)
             if self._make_renderer is not None:
                 missed = replace(missed, vsd_recall=0.0)
-            if left:
-                offsets = [row.X_CO[:3, 3] - pose.X_CO[:3, 3] for row in left]
-                nearest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
-                row = left.pop(nearest)
-                claimed = replace(missed, confidence=row.score)
-                errors.append(self._compare(claimed, pose, row.X_CO))
-            else:
+            if best is None:
                 errors.append(missed)
+                continue
+            claimed = replace(missed, confidence=rows[best].score)
+            errors.append(self._compare(claimed, pose, rows[best].X_CO))
         return errors
 
     def _compare(

@@ -8,16 +8,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from physim_drake.batch.images import DetectionLookup, match_detections
-from physim_drake.camera import CameraIntrinsics
-from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
+from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.errors import InputError
 from physim_drake.estimation.alternatives import best_alternative
 from physim_drake.estimation.config import EstimationConfig, Method
 from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.estimation.preparation import EstimationRequest, PreparedScene
+from physim_drake.evaluation.matching import match_detections_with_truth
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Detection, RgbdObservation
@@ -176,6 +175,9 @@ def explain_image(
         best = best_alternative(attempt, detections, shape, config)
     (way,) = (a for a in attempts if a.estimate.objects is best.objects)
     scene = way.prepared.segmented
+    true = match_detections_with_truth(
+        way.prepared.detections, dataset.ground_truth(*image), observation.intrinsics
+    )
     return Explanation(
         image,
         observation,
@@ -188,11 +190,7 @@ def explain_image(
         dependency_graph(scene.segments, scene.X_CS),
         way.first_searches(),
         way.estimate,
-        match_truth(
-            way.prepared.detections,
-            dataset.ground_truth(*image),
-            observation.intrinsics,
-        ),
+        tuple(None if t is None else t.X_CO for t in true),
         _seconds(way.estimate, way.seconds),
     )
 
@@ -252,29 +250,3 @@ def _seconds(estimate: SceneEstimate, hypotheses: float) -> dict[str, float]:
         name = stage if stage in ("search", "refinement") else "hypotheses"
         seconds[name] = seconds.get(name, 0.0) + taken
     return seconds
-
-
-def match_truth(
-    detections: Sequence[Detection],
-    truth: Sequence[GroundTruthPose],
-    intrinsics: CameraIntrinsics,
-) -> tuple[Array | None, ...]:
-    """The true X_CO (4, 4) of each detection, None if there is none.
-
-    Instances of one object are matched so that the ways in the image from the middles
-    of the detections to where the true origins project add up to the least.
-    """
-    matched: list[Array | None] = [None] * len(detections)
-    for object_id in {d.object_id for d in detections}:
-        mine = [k for k, d in enumerate(detections) if d.object_id == object_id]
-        poses = [t.X_CO for t in truth if t.object_id == object_id]
-        if not poses:
-            continue
-        origins = intrinsics.project(np.stack([X[:3, 3] for X in poses]))
-        middles = np.stack(
-            [(detections[k].box[:2] + detections[k].box[2:]) / 2 for k in mine]
-        )
-        ways = np.linalg.norm(middles[:, None] - origins[None], axis=2)
-        for row, column in zip(*linear_sum_assignment(ways), strict=True):
-            matched[mine[row]] = poses[column]
-    return tuple(matched)

@@ -14,6 +14,7 @@ from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId
 from physim_drake.datasets.results import ResultRow
 from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
 from physim_drake.evaluation.evaluate import MakeRenderer, evaluate_results
+from physim_drake.evaluation.matching import match_detections_with_truth
 from physim_drake.evaluation.report import EvaluationReport
 from physim_drake.hypotheses.generation import PoseHypotheses
 from physim_drake.objects.model import ObjectLibrary
@@ -218,29 +219,23 @@ class Study:
     def _hypotheses(
         self, estimator: PoseEstimator, image: ImageId
     ) -> Iterator[tuple[PoseHypotheses, Array, GroundTruthPose]]:
-        """Each detected object's hypotheses, X_CS, and true pose."""
+        """Each detected object's hypotheses, X_CS, and true pose, if it has both."""
         observation = self.dataset.observation(*image)
         detections = self.detections(image)
         prepared = estimator.prepare(observation, detections)
         found = estimator.hypotheses(prepared)
-        for detection, hypotheses in zip(detections, found, strict=True):
-            if len(hypotheses.X_SO):
-                truth = self._truth(image, detection.object_id, detection.box)
+        true = self._match(image, detections)
+        for hypotheses, truth in zip(found, true, strict=True):
+            if len(hypotheses.X_SO) and truth is not None:
                 yield hypotheses, prepared.segmented.X_CS, truth
 
-    def _truth(self, image: ImageId, object_id: int, box: Array) -> GroundTruthPose:
-        """The true pose that projects nearest to the middle of a detection."""
-        K = self.dataset.observation(*image).intrinsics
-        middle = (box[:2] + box[2:]) / 2
-        same = [
-            truth
-            for truth in self.dataset.ground_truth(*image)
-            if truth.object_id == object_id
-        ]
-        return min(
-            same,
-            key=lambda t: float(np.linalg.norm(K.project(t.X_CO[:3, 3]) - middle)),
-        )
+    def _match(
+        self, image: ImageId, detections: Sequence[Detection]
+    ) -> list[GroundTruthPose | None]:
+        """The true object of each detection; None if it shows no true object."""
+        truth = self.dataset.ground_truth(*image)
+        intrinsics = self.dataset.intrinsics(*image)
+        return match_detections_with_truth(detections, truth, intrinsics)
 
     def _curve(self, outcomes: Mapping[ImageId, ImageOutcome]) -> Array:
         """Mean errors of the best state so far against expansions, before refining.
@@ -248,30 +243,41 @@ class Study:
         The first search of each group counts; before its first complete state, its
         first one does.
         """
-        grid = np.arange(1, self.config.search.expansions + 1)
+        grid = np.arange(1.0, self.config.search.expansions + 1)
         errors, count = np.zeros((len(grid), 2)), 0
         for image, outcome in outcomes.items():
-            objects = outcome.estimate.objects
-            seen: set[int] = set()
-            for trace in outcome.estimate.trace:
-                if not trace.points or seen & set(trace.indices):
-                    continue
-                seen |= set(trace.indices)
-                steps = [expansion for expansion, _, _, _ in trace.points]
-                at = np.maximum(np.searchsorted(steps, grid, side="right") - 1, 0)
-                for n, k in enumerate(trace.indices):
-                    truth = self._truth(image, objects[k].object_id, outcome.boxes[k])
-                    symmetry = self.library[truth.object_id].symmetry
-                    found = [
-                        pose_error(truth.X_CO, poses[n], symmetry)
-                        for _, _, _, poses in trace.points
-                    ]
-                    errors[:, 0] += np.degrees([e.rpy_mean for e in found])[at]
-                    errors[:, 1] += 100 * np.array([e.translation for e in found])[at]
-                    count += 1
+            for curve in self._object_curves(image, outcome, grid):
+                errors += curve
+                count += 1
         if count == 0:
             return np.zeros((0, 3))
         return np.column_stack([grid, errors / count])
+
+    def _object_curves(
+        self, image: ImageId, outcome: ImageOutcome, grid: Array
+    ) -> Iterator[Array]:
+        """Rotation (deg) and translation (cm) of each searched object, (N, 2)."""
+        pairs = zip(outcome.estimate.objects, outcome.boxes, strict=True)
+        true = self._match(image, [Detection(o.object_id, box) for o, box in pairs])
+        seen: set[int] = set()
+        for trace in outcome.estimate.trace:
+            if not trace.points or seen & set(trace.indices):
+                continue
+            seen |= set(trace.indices)
+            steps = [expansion for expansion, _, _, _ in trace.points]
+            at = np.maximum(np.searchsorted(steps, grid, side="right") - 1, 0)
+            for n, k in enumerate(trace.indices):
+                truth = true[k]
+                if truth is None:
+                    continue
+                symmetry = self.library[truth.object_id].symmetry
+                found = [
+                    pose_error(truth.X_CO, poses[n], symmetry)
+                    for _, _, _, poses in trace.points
+                ]
+                angles = np.degrees([e.rpy_mean for e in found])
+                distances = 100 * np.array([e.translation for e in found])
+                yield np.stack([angles[at], distances[at]], axis=1)
 
 
 def _quality(found: Sequence[ObjectHypotheses]) -> HypothesisQuality:

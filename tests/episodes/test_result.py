@@ -14,7 +14,7 @@ from physim_drake.episodes.result import (
     reason_left,
     summary,
 )
-from physim_drake.evaluation.scene_errors import ObjectError
+from physim_drake.evaluation.matching import ObjectError
 from physim_drake.picking.task_state import EventKind, TaskEvent
 
 EVENTS = (

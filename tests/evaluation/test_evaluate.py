@@ -163,6 +163,43 @@ def test_the_best_scores_are_matched_with_the_nearest_pose(tmp_path: Path) -> No
     json.dumps(report.as_dict(), allow_nan=False)
 
 
+def test_estimates_are_matched_so_that_distances_add_up_to_the_least(
+    tmp_path: Path,
+) -> None:
+    """The true pose at 0 is nearest to the estimate that the one at -80 mm needs."""
+    dataset, library = tiny_world(tmp_path)
+    rows = [estimate(1, -0.03, 0.9), estimate(1, 0.04, 0.8)]
+    first, second, _ = evaluate_results(dataset, rows, library).errors
+    assert first.translation_cm == pytest.approx(4.0)
+    assert second.translation_cm == pytest.approx(5.0)
+
+
+def test_a_hidden_instance_does_not_take_the_place_of_a_visible_one(
+    tmp_path: Path,
+) -> None:
+    dataset, library = tiny_world(tmp_path)
+    target = {"scene_id": 3, "im_id": 0, "obj_id": 1, "inst_count": 1}
+    write_json(tmp_path / "test_targets_bop19.json", [target])
+    info = [{"visib_fract": share} for share in (0.01, 1.0, 0.8)]
+    write_json(tmp_path / "test" / "000003" / "scene_gt_info.json", {"0": info})
+    (error,) = evaluate_results(dataset, [estimate(1, -0.08, 0.9)], library).errors
+    assert (error.gt_index, error.found) == (2, True)
+    assert error.translation_cm == pytest.approx(0.0, abs=1e-9)
+
+
+def test_any_visible_instance_will_do_if_the_target_asks_for_fewer(
+    tmp_path: Path,
+) -> None:
+    dataset, library = tiny_world(tmp_path)
+    target = {"scene_id": 3, "im_id": 0, "obj_id": 1, "inst_count": 1}
+    write_json(tmp_path / "test_targets_bop19.json", [target])
+    (error,) = evaluate_results(dataset, [estimate(1, -0.07, 0.9)], library).errors
+    assert error.gt_index == 2
+    assert error.translation_cm == pytest.approx(1.0)
+    (missed,) = evaluate_results(dataset, [], library).errors
+    assert (missed.gt_index, missed.found) == (0, False)
+
+
 class FlatRenderer:
     """Draws every object as one pixel at its depth."""
 

@@ -7,18 +7,14 @@ import numpy as np
 import pytest
 
 from physim_drake.batch.images import detection_lookup
-from physim_drake.camera import CameraIntrinsics
-from physim_drake.datasets.bop import BopDataset, GroundTruthPose
+from physim_drake.datasets.bop import BopDataset
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
-from physim_drake.observation.observation import Detection
-from physim_drake.poses import make_pose
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import (
     Explanation,
     StageError,
     explain_image,
-    match_truth,
 )
 from tests.reporting.explained import BOTTLE, BOX, CRAYONS, EXAMPLE, bare, example
 
@@ -127,29 +123,6 @@ def test_objects_of_a_kind_are_numbered() -> None:
     assert twice.names[BOTTLE] == "up_glucose_bottle (1)"
     assert twice.names[-1] == "up_glucose_bottle (2)"
     assert twice.names[CRAYONS] == e.names[CRAYONS] == "crayola_24_ct"
-
-
-def test_truth_goes_to_the_detection_where_it_is_seen() -> None:
-    camera = CameraIntrinsics(640, 480, 600.0, 600.0, 320.0, 240.0)
-    left, right = (make_pose(p=[x, 0.0, 0.6]) for x in (-0.1, 0.1))
-    truth = [GroundTruthPose(1, right), GroundTruthPose(1, left)]
-    boxes = [(200, 220, 240, 260), (400, 220, 440, 260), (0, 0, 9, 9)]
-    detections = [Detection(1, np.array(box, dtype=float)) for box in boxes[:2]]
-    detections.append(Detection(2, np.array(boxes[2], dtype=float)))
-    first, second, third = match_truth(detections, truth, camera)
-    np.testing.assert_array_equal(first, left)
-    np.testing.assert_array_equal(second, right)
-    assert third is None
-
-
-def test_more_detections_than_true_poses_leave_some_without() -> None:
-    camera = CameraIntrinsics(640, 480, 600.0, 600.0, 320.0, 240.0)
-    boxes = [(0, 0, 10, 10), (310, 230, 330, 250)]
-    detections = [Detection(1, np.array(box, dtype=float)) for box in boxes]
-    pose = make_pose(p=[0.0, 0.0, 0.6])
-    first, second = match_truth(detections, [GroundTruthPose(1, pose)], camera)
-    assert first is None
-    np.testing.assert_array_equal(second, pose)
 
 
 def test_both_parts_of_an_error_add_up() -> None:
