@@ -17,7 +17,7 @@ from physim_drake.evaluation.matching import (
     origin_distances,
     visible_instances,
 )
-from physim_drake.evaluation.report import EvaluationReport, TargetErrors
+from physim_drake.evaluation.report import EvaluationReport, InstanceErrors
 from physim_drake.evaluation.visible_surface import RenderDepth, SceneDistances, vsd
 from physim_drake.objects.library_files import BOP_FILE, find_objects
 from physim_drake.objects.model import ObjectLibrary
@@ -78,7 +78,7 @@ def evaluate_results(
         by_target.setdefault((*image, row.object_id), []).append(row)
         if image in times and row.time is not None:
             times[image] = max(times[image] or 0.0, row.time)
-    errors: list[TargetErrors] = []
+    errors: list[InstanceErrors] = []
     for done, target in enumerate(targets, 1):
         key = (target.scene_id, target.im_id, target.object_id)
         errors += judge.judge(target, by_target.pop(key, []))
@@ -121,7 +121,7 @@ class _Judge:
 
     def judge(
         self, target: Target, estimates: Sequence[ResultRow]
-    ) -> list[TargetErrors]:
+    ) -> list[InstanceErrors]:
         """Errors of each true instance of the target."""
         image = (target.scene_id, target.im_id)
         poses = self._dataset.ground_truth(*image)
@@ -145,7 +145,7 @@ class _Judge:
         errors = []
         for index in sorted(counted):
             pose, best = poses[index], matched[index]
-            missed = TargetErrors(*image, target.object_id, index, pose.level)
+            missed = InstanceErrors(*image, target.object_id, index, pose.level)
             if self._make_renderer is not None:
                 missed = replace(missed, vsd_recall=0.0)
             if best is None:
@@ -156,8 +156,8 @@ class _Judge:
         return errors
 
     def _compare(
-        self, missed: TargetErrors, true: GroundTruthPose, X_CO: Array
-    ) -> TargetErrors:
+        self, missed: InstanceErrors, true: GroundTruthPose, X_CO: Array
+    ) -> InstanceErrors:
         geometry = self._geometry(true.object_id)
         intrinsics = self._dataset.intrinsics(missed.scene_id, missed.im_id)
         error = pose_error(true.X_CO, X_CO, geometry.symmetry)
@@ -186,7 +186,7 @@ class _Judge:
 
     def _vsd_recall(
         self,
-        missed: TargetErrors,
+        missed: InstanceErrors,
         true: GroundTruthPose,
         X_CO: Array,
         intrinsics: CameraIntrinsics,

@@ -16,7 +16,7 @@ MISSED_TRANSLATION_CM = 20.0
 
 
 @dataclass(frozen=True)
-class TargetErrors:
+class InstanceErrors:
     """How well one true object was found; as it stands, not at all.
 
     Attributes:
@@ -68,7 +68,7 @@ class Summary:
     Attributes:
         targets: how many there are.
         found: fraction with an estimate.
-        rotation_mean_deg: mean of `TargetErrors.rotation_deg`.
+        rotation_mean_deg: mean of `InstanceErrors.rotation_deg`.
         geodesic_mean_deg: mean rotation angle.
         geodesic_median_deg: median rotation angle.
         translation_mean_cm: mean distance of the origins.
@@ -94,7 +94,7 @@ class Summary:
     ar_mspd: float
 
     @classmethod
-    def of(cls, errors: Sequence[TargetErrors]) -> Summary:
+    def of(cls, errors: Sequence[InstanceErrors]) -> Summary:
         """Summarises at least one target."""
         geodesic = [e.geodesic_deg for e in errors]
         translation = [e.translation_cm for e in errors]
@@ -135,7 +135,7 @@ class EvaluationReport:
     overall: Summary
     levels: dict[int, Summary]
     objects: dict[int, Summary]
-    errors: tuple[TargetErrors, ...]
+    errors: tuple[InstanceErrors, ...]
     images: int
     timed_images: int
     time_per_image: float | None
@@ -145,7 +145,7 @@ class EvaluationReport:
     @classmethod
     def of(
         cls,
-        errors: Sequence[TargetErrors],
+        errors: Sequence[InstanceErrors],
         times: Sequence[float | None],
         unused_rows: int,
     ) -> EvaluationReport:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physim_drake.evaluation.report import TargetErrors
+from physim_drake.evaluation.report import InstanceErrors
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class DetectorLoss:
 
 
 def detector_loss(
-    given: Sequence[TargetErrors], network: Sequence[TargetErrors]
+    given: Sequence[InstanceErrors], network: Sequence[InstanceErrors]
 ) -> DetectorLoss:
     """Compares the errors of one method on the same targets.
 
@@ -53,7 +53,7 @@ def detector_loss(
 
 
 def _larger(
-    pairs: Sequence[tuple[TargetErrors, TargetErrors]],
+    pairs: Sequence[tuple[InstanceErrors, InstanceErrors]],
 ) -> tuple[float, float]:
     """Shares by which the second's mean errors are larger; 0 where there is none."""
     if not pairs:

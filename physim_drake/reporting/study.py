@@ -23,9 +23,9 @@ from physim_drake.parallel.engine import Engine
 from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array, SymmetryGroup
 from physim_drake.reporting.study_notes import (
-    ImageHypotheses,
+    ImageHypothesisErrors,
     ImageOutcome,
-    ObjectHypotheses,
+    ObjectHypothesisErrors,
     StudyNotes,
 )
 from physim_drake.scene_estimate import SceneEstimate
@@ -56,7 +56,7 @@ class MethodRun:
 
 
 @dataclass(frozen=True)
-class SelectionErrors:
+class SelectedPoseErrors:
     """One row of Table II: the errors of the pose that a metric selects.
 
     Attributes:
@@ -81,7 +81,7 @@ class HypothesisQuality:
         poses: mean number of scored poses an object.
     """
 
-    rows: tuple[SelectionErrors, ...]
+    rows: tuple[SelectedPoseErrors, ...]
     success: float
     objects: int
     poses: float
@@ -178,7 +178,7 @@ class Study:
         if todo:
             with PoseEstimator(self.library, self.config) as estimator:
                 for image in todo:
-                    found = ImageHypotheses(
+                    found = ImageHypothesisErrors(
                         tuple(
                             self._judge(hypotheses, X_CS, truth)
                             for hypotheses, X_CS, truth in self._hypotheses(
@@ -188,17 +188,15 @@ class Study:
                     )
                     self.notes.add(HYPOTHESES, image, found)
                     self.progress(HYPOTHESES)
-        return _quality(
-            [
-                item
-                for image in images
-                for item in self.notes.take(HYPOTHESES, image, ImageHypotheses).objects
-            ]
-        )
+        noted = [
+            self.notes.take(HYPOTHESES, image, ImageHypothesisErrors)
+            for image in images
+        ]
+        return _quality([item for note in noted for item in note.objects])
 
     def _judge(
         self, hypotheses: PoseHypotheses, X_CS: Array, truth: GroundTruthPose
-    ) -> ObjectHypotheses:
+    ) -> ObjectHypothesisErrors:
         """How good an object's hypotheses are."""
         rotation, translation = _errors(
             X_CS @ hypotheses.X_SO,
@@ -207,7 +205,7 @@ class Study:
         )
         kept = hypotheses.representatives
         good = (rotation[kept] <= SUCCESS_DEG) & (translation[kept] <= SUCCESS_CM)
-        return ObjectHypotheses(
+        return ObjectHypothesisErrors(
             {
                 metric: (float(rotation[index]), float(translation[index]))
                 for metric, index in _select(hypotheses, rotation, translation)
@@ -280,14 +278,14 @@ class Study:
                 yield np.stack([angles[at], distances[at]], axis=1)
 
 
-def _quality(found: Sequence[ObjectHypotheses]) -> HypothesisQuality:
+def _quality(found: Sequence[ObjectHypothesisErrors]) -> HypothesisQuality:
     """Table II from every object's hypotheses."""
     selected: dict[str, list[tuple[float, float]]] = {}
     for item in found:
         for metric, pair in item.selected.items():
             selected.setdefault(metric, []).append(pair)
     rows = tuple(
-        SelectionErrors(metric, *np.mean(pairs, axis=0).tolist())
+        SelectedPoseErrors(metric, *np.mean(pairs, axis=0).tolist())
         for metric, pairs in selected.items()
     )
     return HypothesisQuality(

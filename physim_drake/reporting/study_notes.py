@@ -35,7 +35,7 @@ class ImageOutcome:
 
 
 @dataclass(frozen=True)
-class ObjectHypotheses:
+class ObjectHypothesisErrors:
     """How good the hypotheses of an object in an image are.
 
     Attributes:
@@ -51,14 +51,14 @@ class ObjectHypotheses:
 
 
 @dataclass(frozen=True)
-class ImageHypotheses:
+class ImageHypothesisErrors:
     """How good the hypotheses in an image are.
 
     Attributes:
         objects: those that have any.
     """
 
-    objects: tuple[ObjectHypotheses, ...]
+    objects: tuple[ObjectHypothesisErrors, ...]
 
 
 class StudyNotes:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from physim_drake.datasets.bop import ImageId
 from physim_drake.evaluation.calibration import SURE, reliability_figure
-from physim_drake.evaluation.report import Summary, TargetErrors
+from physim_drake.evaluation.report import InstanceErrors, Summary
 from physim_drake.poses import Array
 from physim_drake.rendering.overlay import draw_overlay
 from physim_drake.reporting.detector_loss import DetectorLoss
@@ -226,7 +226,7 @@ def _reliability(run: MethodRun) -> dict[str, str] | None:
 
 
 def _gallery(study: Study, run: MethodRun, count: int) -> list[_Picture]:
-    by_image: dict[ImageId, list[TargetErrors]] = {}
+    by_image: dict[ImageId, list[InstanceErrors]] = {}
     for error in run.report.errors:
         by_image.setdefault((error.scene_id, error.im_id), []).append(error)
     worst_first = sorted(
@@ -238,7 +238,7 @@ def _gallery(study: Study, run: MethodRun, count: int) -> list[_Picture]:
     ]
 
 
-def _badness(error: TargetErrors) -> float:
+def _badness(error: InstanceErrors) -> float:
     """Errors in units of 5 degrees and 1 cm, together."""
     return error.rotation_deg / 5 + error.translation_cm
 
@@ -249,7 +249,7 @@ def _overlay(study: Study, run: MethodRun, image: ImageId) -> str:
     return jpeg(picture, 0.6)
 
 
-def _caption(study: Study, image: ImageId, errors: Sequence[TargetErrors]) -> str:
+def _caption(study: Study, image: ImageId, errors: Sequence[InstanceErrors]) -> str:
     parts = [
         f"{study.library[e.object_id].name} {e.rotation_deg:.2f} deg, "
         f"{e.translation_cm:.2f} cm"

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from physim_drake.evaluation.calibration import EDGES, Calibration, reliability_figure
-from physim_drake.evaluation.report import EvaluationReport, TargetErrors
+from physim_drake.evaluation.report import EvaluationReport, InstanceErrors
 
 
 def calibration_of(*pairs: tuple[float, bool]) -> Calibration:
@@ -51,9 +51,9 @@ def test_scores_that_are_no_confidences(scores: list[float]) -> None:
 
 def test_a_report_leaves_missed_targets_out() -> None:
     errors = [
-        TargetErrors(1, 0, 1, 0),
-        TargetErrors(1, 0, 2, 1, found=True, confidence=0.95, accepted=True),
-        TargetErrors(1, 0, 3, 2, found=True, confidence=0.91),
+        InstanceErrors(1, 0, 1, 0),
+        InstanceErrors(1, 0, 2, 1, found=True, confidence=0.95, accepted=True),
+        InstanceErrors(1, 0, 3, 2, found=True, confidence=0.91),
     ]
     report = EvaluationReport.of(errors, [None], 0)
     assert report.calibration is not None

@@ -3,17 +3,17 @@ from __future__ import annotations
 
 import pytest
 
-from physim_drake.evaluation.report import TargetErrors
+from physim_drake.evaluation.report import InstanceErrors
 from physim_drake.reporting.detector_loss import detector_loss
 
 
-def found(rotation: float, translation: float) -> TargetErrors:
-    return TargetErrors(
+def found(rotation: float, translation: float) -> InstanceErrors:
+    return InstanceErrors(
         1, 0, 1, 0, None, True, rotation_deg=rotation, translation_cm=translation
     )
 
 
-MISSED = TargetErrors(1, 0, 1, 0)
+MISSED = InstanceErrors(1, 0, 1, 0)
 
 
 def test_the_loss_is_the_share_by_which_mean_errors_are_larger() -> None:
