@@ -2,7 +2,7 @@
 """How far an estimated pose is from the true one.
 
 A symmetry S maps the object onto itself, so the estimate is compared with X_CO S for
-the true pose X_CO. VSD stands in `physim_drake.evaluation.visible_surface`.
+the true pose X_CO. VSD is in `physim_drake.evaluation.visible_surface`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from physim_drake.poses import (
 )
 
 SYMMETRY_STEPS = 315
-"""Turns that stand for a continuous axis in MSSD and MSPD: ceil(pi / 0.01), so that no
+"""Turns that sample a continuous axis in MSSD and MSPD: ceil(pi / 0.01), so that no
 point moves by more than 0.01 diameter between two (bop_toolkit, max_sym_disc_step)."""
 
 _TIE = np.radians(1e-6)
@@ -41,7 +41,7 @@ class PoseError:
             over the symmetries; the rotation error of Mitash et al. 2018.
         geodesic: rotation angle, rad, smallest over the symmetries.
         translation: distance of the origins, m, under the symmetry that minimises
-            `geodesic` (the nearest one where several do); of a ball, of its centres.
+            `geodesic` (the nearest one if several do); for a ball, of its centres.
         candidates: (K, 2) angle (rad) and distance (m) for each discrete symmetry,
             turned the best way about a continuous axis.
     """
@@ -163,7 +163,7 @@ def mspd(
         X_CO_true: true pose, (4, 4), m.
         X_CO: estimate, (4, 4), m.
         X_OS: symmetries (M, 4, 4) of `symmetry_samples`.
-        intrinsics: of the camera.
+        intrinsics: the camera.
     """
     estimated = intrinsics.project(transform_points(X_CO, vertices))
     return min(

@@ -15,7 +15,7 @@ from physim_drake.testing import ObservedScene, observed_scene
 
 @pytest.fixture(scope="session")
 def object_library() -> ObjectLibrary:
-    """The objects of the scenes; the bundled ones. Override it for your own."""
+    """The objects of the scenes: the bundled ones, unless you override it."""
     return ObjectLibrary.load(APC11)
 
 
@@ -34,6 +34,6 @@ def make_scene(object_library: ObjectLibrary) -> Callable[..., ObservedScene]:
 
 @pytest.fixture(scope="session")
 def pose_estimator(object_library: ObjectLibrary) -> Iterator[PoseEstimator]:
-    """An estimator for `object_library`, warm for the whole session."""
+    """An estimator for `object_library` that stays open for the whole session."""
     with PoseEstimator(object_library, EstimationConfig()) as estimator:
         yield estimator

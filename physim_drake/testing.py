@@ -32,11 +32,11 @@ from physim_drake.storage.scratch import ScratchFolder
 
 @dataclass(frozen=True)
 class ObservedScene:
-    """A generated scene, seen once.
+    """A generated scene and one image of it.
 
     Attributes:
-        observation: what the camera delivers.
-        detections: boxes as a detector would give them, one an object.
+        observation: the image.
+        detections: boxes as a detector would give them, one for each object.
         ground_truth: the true poses in that camera, in the same order.
     """
 
@@ -52,17 +52,17 @@ def observed_scene(
     objects: tuple[int, int] = (2, 4),
     noise: bool = True,
 ) -> ObservedScene:
-    """Generates a settled scene and looks at it; the same seed gives the same one.
+    """Generates a settled scene and an image of it; the same seed gives the same one.
 
     Args:
         library: the objects to draw from.
-        level: 1 independent objects, 2 two that depend on each other, 3 three.
-        seed: of all random choices.
-        objects: fewest and most objects.
-        noise: whether the camera errs.
+        level: number of objects that depend on each other, 1 to 3.
+        seed: seed of all random choices.
+        objects: least and greatest number of objects.
+        noise: True for a camera with noise.
 
     Raises:
-        InputError: where such a scene is impossible.
+        InputError: if no such scene can be made.
     """
     base = DatasetConfig()
     config = replace(
@@ -92,7 +92,7 @@ def observed_scene(
 
 
 def _detection(entry: Mapping[str, Any]) -> Detection:
-    """From an entry of a detections file."""
+    """The detection of an entry of a detections file."""
     left, top, width, height = entry["bbox"]
     box = np.array([left, top, left + width, top + height])
     return Detection(entry["category_id"], box, entry["score"])
@@ -129,17 +129,17 @@ def assert_poses_close(
     max_rotation_deg: float = 5.0,
     max_translation_m: float = 0.01,
 ) -> None:
-    """Asserts that every true object was found, and near where it is.
+    """Asserts that every true object was found within the given errors.
 
     Args:
-        estimate: with poses in the camera.
+        estimate: scene with poses in the camera.
         ground_truth: true poses in the same camera.
-        library: for names and symmetries.
+        library: models of the objects, for names and symmetries.
         max_rotation_deg: largest rotation angle, least over the symmetries.
         max_translation_m: largest distance of the origins.
 
     Raises:
-        AssertionError: naming each object that is missing or off, and by how much.
+        AssertionError: if an object is missing or off; names each, and by how much.
     """
     compared = compare_poses(estimate, ground_truth, library)
     wrong = [c for c in compared if not c.within(max_rotation_deg, max_translation_m)]

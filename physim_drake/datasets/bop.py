@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reading datasets in BOP layout.
+"""Reads datasets in BOP layout.
 
 The layout is the one of the BOP challenge (Hodan et al., "BOP: Benchmark for 6D Object
 Pose Estimation", ECCV 2018; bop_toolkit/docs/bop_datasets_format.md). Millimetres and
@@ -36,7 +36,7 @@ ImageId = tuple[int, int]
 
 @dataclass(frozen=True)
 class Target:
-    """An object to find in an image, and how many of it are there."""
+    """An object to find in an image, and the number of its instances."""
 
     scene_id: int
     im_id: int
@@ -46,13 +46,14 @@ class Target:
 
 @dataclass(frozen=True)
 class GroundTruthPose:
-    """Where an object truly is.
+    """The true pose of an object in an image.
 
     Attributes:
-        object_id: which object.
+        object_id: id of the object.
         X_CO: its pose in the camera, (4, 4), m.
-        visible_fraction: of its silhouette, 0..1, or None where it is not given.
-        level: how many objects its placement depends on (levels.json), or None.
+        visible_fraction: visible share of its silhouette, 0..1, or None if it is not
+            given.
+        level: interaction level (levels.json), or None if it is not given.
     """
 
     object_id: int
@@ -62,18 +63,18 @@ class GroundTruthPose:
 
 
 class BopDataset:
-    """A dataset in BOP layout; files are read when they are asked for.
+    """A dataset in BOP layout; files are read when they are needed.
 
     Every method raises `InputError` naming the file and field that cannot be used.
 
     Args:
         root: folder of the dataset.
         split: folder of the images below `root`, a plain name.
-        models: folder of the object models; ``root/models`` where it is None.
+        models: folder of the object models; ``root/models`` if it is None.
 
     Attributes:
-        root: as given.
-        split: as given.
+        root: folder of the dataset.
+        split: name of the folder of the images.
         models: folder of the object models.
     """
 
@@ -112,12 +113,12 @@ class BopDataset:
         return [(s, im) for s in scene_ids for im in self._scene(s).cameras]
 
     def intrinsics(self, scene_id: int, im_id: int) -> CameraIntrinsics:
-        """The camera of an image; of the files it reads only the heads."""
+        """The camera of an image; only the heads of image files are read."""
         scene = self._scene(scene_id)
         return read_intrinsics(scene.camera(im_id), *png_size(scene.depth_path(im_id)))
 
     def observation(self, scene_id: int, im_id: int) -> RgbdObservation:
-        """One image with its camera; depth in m, X_WC where the dataset gives it."""
+        """One image with its camera; depth in m, X_WC if the dataset gives it."""
         scene = self._scene(scene_id)
         camera, depth_path = scene.camera(im_id), scene.depth_path(im_id)
         color_path = scene.color_path(im_id)
@@ -140,7 +141,7 @@ class BopDataset:
         except InputError as error:
             if error.field not in sources:
                 raise
-            # The observation knows the field; the user wants the file as well.
+            # The observation knows the field, but the user needs the file as well.
             raise InputError(
                 sources[error.field], error.problem, error.remedy, error.field
             ) from None
@@ -158,11 +159,12 @@ class BopDataset:
         return self._detections.get((scene_id, im_id), [])
 
     def targets(self, path: str | Path | None = None) -> list[Target]:
-        """What to find: from `path`, test_targets_bop19.json, or the ground truth.
+        """The objects to find: from a file, or else from the ground truth.
 
         Args:
-            path: a targets file; where it is None the dataset's own, and where the
-                dataset has none every object of every scene_gt.json.
+            path: targets file. If it is None, the dataset's test_targets_bop19.json
+                is read; if there is no such file, every object of every scene_gt.json
+                is a target.
         """
         own = self.root / "test_targets_bop19.json"
         if path is None and not own.exists():
@@ -195,7 +197,7 @@ class BopDataset:
         return folder.is_dir() and im_id in self._scene(scene_id).cameras
 
     def ground_truth(self, scene_id: int, im_id: int) -> list[GroundTruthPose]:
-        """The true poses in the order of scene_gt.json; empty where there is none."""
+        """The true poses in the order of scene_gt.json; empty without ground truth."""
         scene = self._scene(scene_id)
         scene.camera(im_id)
         if im_id not in scene.ground_truth:
@@ -219,10 +221,10 @@ class BopDataset:
     def masks(self, scene_id: int, im_id: int) -> list[Detection]:
         """The visible masks (mask_visib) as detections of score 1.
 
-        Mask k shows object k of scene_gt.json. Where the image has no ground truth,
-        it shows the k-th detection of the image in the dataset's detections.json,
-        and where there is no such file either, the k-th instance of the targets, in
-        their order. Masks without a pixel are left out.
+        Mask k shows object k of scene_gt.json. If the image has no ground truth, it
+        shows the k-th detection of the image in the dataset's detections.json. If
+        there is no such file either, it shows the k-th instance of the targets, in
+        their order. Empty masks are left out.
         """
         scene = self._scene(scene_id)
         size = png_size(scene.depth_path(im_id))
@@ -242,7 +244,7 @@ class BopDataset:
         return detections
 
     def _mask_objects(self, scene_id: int, im_id: int) -> list[int]:
-        """The object that each mask of an image shows."""
+        """Id of the object that each mask of an image shows."""
         if poses := self.ground_truth(scene_id, im_id):
             return [pose.object_id for pose in poses]
         path = self.root / "detections.json"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writing datasets in BOP layout: models, and one scene with its images at a time.
+"""Writes datasets in BOP layout: models, and one scene with its images at a time.
 
 The layout is that of `physim_drake.datasets.bop`. Millimetres and "R, t" begin here.
 """
@@ -32,11 +32,11 @@ class BopImage:
     """One image with its ground truth.
 
     Attributes:
-        observation: the image; X_WC must be known.
-        object_ids: the objects in it.
-        X_CO: their poses, (N, 4, 4).
-        silhouettes: their masks with nothing before them, (N, height, width).
-        visible: the parts that are seen, (N, height, width).
+        observation: the image; its X_WC must be known.
+        object_ids: ids of the objects in it.
+        X_CO: their poses in the camera, (N, 4, 4), m.
+        silhouettes: masks of the objects without occlusion, (N, height, width).
+        visible: masks of their visible parts, (N, height, width).
     """
 
     observation: RgbdObservation
@@ -52,12 +52,12 @@ def write_bop_scene(
     """Writes a scene: images, masks, cameras, ground truth, COCO annotations.
 
     Args:
-        folder: of the scene; is made.
-        images: numbered from 0.
-        names: of the objects, by id.
+        folder: folder of the scene, which is made.
+        images: images of the scene; their ids count from 0.
+        names: name of each object by its id.
 
     Raises:
-        OSError: where a file cannot be written.
+        OSError: if a file cannot be written.
     """
     for name in ("rgb", "depth", "mask", "mask_visib"):
         (folder / name).mkdir(parents=True)
@@ -85,11 +85,11 @@ def write_bop_models(folder: Path, library: ObjectLibrary) -> None:
     """Writes PLY models in millimetres, their textures and `models_info.json`.
 
     Args:
-        folder: is made, unless it is there and empty.
-        library: the objects.
+        folder: folder of the models; it is made, unless it exists and is empty.
+        library: models of the objects.
 
     Raises:
-        OSError: where a file cannot be written.
+        OSError: if a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     infos = {}
@@ -100,7 +100,7 @@ def write_bop_models(folder: Path, library: ObjectLibrary) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Writes `json_text`; raises `OSError` where that fails."""
+    """Writes `json_text`; raises `OSError` if that fails."""
     path.write_text(json_text(value), encoding="utf-8")
 
 
@@ -121,7 +121,7 @@ def _write_images(folder: Path, im_id: int, image: BopImage) -> None:
     observation = image.observation
     depth = np.round(observation.depth.astype(float) * 1e3 / DEPTH_SCALE)
     limit = np.iinfo(np.uint16).max
-    depth[depth > limit] = 0  # farther than the file can say: not measured
+    depth[depth > limit] = 0  # too far for the file format: not measured
     write_image(folder / "depth" / name, depth.astype(np.uint16))
     if observation.color is not None:
         write_image(folder / "rgb" / name, observation.color[..., ::-1])
@@ -132,7 +132,7 @@ def _write_images(folder: Path, im_id: int, image: BopImage) -> None:
 
 
 def write_image(path: Path, image: NDArray[Any]) -> None:
-    """Writes a PNG; raises `OSError` where that fails."""
+    """Writes a PNG; raises `OSError` if that fails."""
     done, data = cv2.imencode(".png", image)
     assert done, "PNG takes 8 and 16 bit"
     path.write_bytes(data.tobytes())
@@ -170,7 +170,7 @@ def _info_entry(
 
 
 def _bbox(mask: Mask) -> list[int]:
-    """Left, top, width and height; -1 where the mask is empty, as BOP has it."""
+    """Left, top, width and height; all -1 if the mask is empty, as in BOP."""
     if not mask.any():
         return [-1, -1, -1, -1]
     left, top, right, bottom = (int(x) for x in mask_bounds(mask))
@@ -225,7 +225,7 @@ def _model_info(model: ObjectModel) -> dict[str, Any]:
         info[f"size_{axis}"] = round(float(high[k] - low[k]), 6)
     discrete = model.symmetry.discrete[1:].copy()
     discrete[:, :3, 3] *= 1e3
-    # Present even where empty: it says that the symmetries are known.
+    # Present even if empty: it says that the symmetries are known.
     info["symmetries_discrete"] = [
         [round(float(x), 9) for x in X.ravel()] for X in discrete
     ]
@@ -240,7 +240,7 @@ def _model_info(model: ObjectModel) -> dict[str, Any]:
 
 
 def _write_ply(folder: Path, stem: str, model: ObjectModel) -> None:
-    """Writes an ASCII PLY with normals and, where there is one, its texture."""
+    """Writes an ASCII PLY with normals and, if there is one, its texture."""
     header = ["ply", "format ascii 1.0"]
     names = ["x", "y", "z", "nx", "ny", "nz"]
     mesh, unit, uv = model.mesh, 1.0, None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reading detections in the JSON format of the BOP challenge."""
+"""Reads detections in the JSON format of the BOP challenge."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ _log = logging.getLogger(__name__)
 class Detections(Mapping[ImageId, list[Detection]]):
     """Detections by image, in the order of their file.
 
-    All are checked when they are loaded; masks are kept run-length encoded and
-    decoded with each look-up, because those of a whole dataset would not fit in
-    memory. An image that cannot be read is an error only when it is looked up, so
-    that it does not stand in the way of the others.
+    All are checked when they are loaded. Masks stay run-length encoded and are decoded
+    by each look-up, because those of a whole dataset would not fit in memory. An image
+    that cannot be read is an error only when it is looked up, so that the others can
+    be used.
     """
 
     def __init__(self, entries: dict[ImageId, list[_Entry] | InputError]) -> None:
         self._entries = entries
 
     def __getitem__(self, image: ImageId) -> list[Detection]:
-        """The detections of an image; raises `KeyError` where it has none."""
+        """The detections of an image; raises `KeyError` if it has none."""
         entries = self._entries[image]
         if isinstance(entries, InputError):
             raise entries
         return [entry.detection() for entry in entries]
 
     def object_ids(self, image: ImageId) -> list[int]:
-        """Which objects are detected in an image, without decoding masks."""
+        """Ids of the objects that are detected in an image; masks are not decoded."""
         entries = self._entries.get(image, [])
         return [] if isinstance(entries, InputError) else [e.object_id for e in entries]
 
@@ -60,11 +60,11 @@ def load_detections(path: str | Path, dataset: BopDataset) -> Detections:
 
     The file is a list of ``{"scene_id", "image_id", "category_id", "bbox": [x, y, w,
     h], "score"}``, optionally with a ``segmentation`` in COCO's run-length encoding.
-    Those of other images are skipped: BOP's files often cover more than one split.
+    Entries of other images are skipped: BOP's files often cover more than one split.
 
     Raises:
-        InputError: where the file or an entry cannot be used, or no entry belongs to
-            an image of the dataset; with a look-up, where its image cannot be read.
+        InputError: if the file or an entry cannot be used, or no entry belongs to
+            an image of the dataset. A look-up raises it if its image cannot be read.
     """
     path = Path(path)
     entries: dict[ImageId, list[_Entry] | InputError] = {}
@@ -96,12 +96,12 @@ def load_detections(path: str | Path, dataset: BopDataset) -> Detections:
 def warn_of_left_out(
     detections: Detections, targets: Iterable[Target], source: Path | str
 ) -> None:
-    """Logs how many detections are of objects that are no target of their image.
+    """Logs how many detections are of objects that are not targets of their image.
 
     Args:
-        detections: of any images; those without a target do not count.
-        targets: all that are looked for.
-        source: what to call the detections' source.
+        detections: detections in any images; images without a target do not count.
+        targets: all targets.
+        source: name of the detections' source.
     """
     wanted: dict[ImageId, set[int]] = defaultdict(set)
     for target in targets:
@@ -116,8 +116,8 @@ def warn_of_left_out(
         ids = sorted(set(left_out))
         named = ", ".join(map(str, ids[:_MOST_NAMED]))
         _log.warning(
-            "%s: detections left out, since their objects are no target of the image: "
-            "%d (obj_id %s)",
+            "%s: detections left out, since their objects are not targets of the "
+            "image: %d (obj_id %s)",
             source,
             len(left_out),
             named + (", ..." if len(ids) > _MOST_NAMED else ""),

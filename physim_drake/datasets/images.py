@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Depth, colour and mask images from files that may be damaged.
+"""Reads depth, colour and mask images from files that may be damaged.
 
-OpenCV decodes; what it would let pass or die of is checked before: size, structure and
-checksums of the file.
+OpenCV decodes them. Size, structure and checksums of the file are checked before, since
+OpenCV would accept some damaged files and crash on others.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def read_depth(path: Path) -> NDArray[np.uint16]:
     """Reads a depth image (height, width) in the file's own unit, 0 = unmeasured.
 
     Raises:
-        InputError: where the file is missing, damaged, too large, not single-channel
+        InputError: if the file is missing, damaged, too large, not single-channel
             16 bit, or zero everywhere.
     """
     image: NDArray[Any] = _decode(path, cv2.IMREAD_UNCHANGED)
@@ -53,18 +53,18 @@ def read_color(path: Path) -> NDArray[np.uint8]:
     """Reads a colour or grey image as RGB, (height, width, 3) uint8.
 
     Raises:
-        InputError: where the file is missing, damaged or too large.
+        InputError: if the file is missing, damaged or too large.
     """
-    # An EXIF rotation must not be applied: the depth image has none.
+    # An EXIF rotation must not be applied, since the depth image is not rotated.
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     return np.ascontiguousarray(_decode(path, flags)[..., ::-1])
 
 
 def read_mask(path: Path) -> Mask:
-    """Reads a mask (height, width): true where the image is not zero.
+    """Reads a mask (height, width) that is true where the image is not zero.
 
     Raises:
-        InputError: where the file is missing, damaged or too large.
+        InputError: if the file is missing, damaged or too large.
     """
     return np.asarray(_decode(path, cv2.IMREAD_GRAYSCALE) > 0)
 
@@ -73,7 +73,7 @@ def png_size(path: Path) -> tuple[int, int]:
     """Width and height in pixels, read from the head of a PNG file.
 
     Raises:
-        InputError: where the file is missing, no PNG or too large.
+        InputError: if the file is missing, is not a PNG or is too large.
     """
     return _check(path, _read(path, limit=24), structure=False)
 
@@ -107,7 +107,7 @@ def _read(path: Path, limit: int = -1) -> bytes:
 
 
 def _check(path: Path, data: bytes, *, structure: bool) -> tuple[int, int]:
-    """Width and height; raises `InputError` where the file cannot be an image."""
+    """Width and height; raises `InputError` if the file cannot be an image."""
     if data.startswith(_PNG_SIGNATURE):
         if structure:
             _check_png_chunks(path, data)
@@ -133,8 +133,8 @@ def _check(path: Path, data: bytes, *, structure: bool) -> tuple[int, int]:
 def _check_png_chunks(path: Path, data: bytes) -> None:
     """Walks the chunks up to IEND and compares their checksums.
 
-    OpenCV only warns of a wrong checksum, and versions differ in what they make of a
-    file cut short.
+    OpenCV only warns of a wrong checksum, and its versions treat truncated files
+    differently.
     """
     position = len(_PNG_SIGNATURE)
     while position + 12 <= len(data):

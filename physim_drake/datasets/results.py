@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Reading and writing results in the CSV format of the BOP challenge.
+"""Reads and writes results in the CSV format of the BOP challenge.
 
-A row is ``scene_id,im_id,obj_id,score,R,t,time``: R holds 9 numbers rows first, t 3
-numbers in millimetres, both separated by blanks; time is seconds for the whole image,
-the same in each of its rows, and -1 where it is not known.
+A row is ``scene_id,im_id,obj_id,score,R,t,time``. R holds 9 numbers, rows first, and t
+holds 3 numbers in millimetres, both separated by blanks. The time is in seconds for the
+whole image, the same in each of its rows, and -1 if it is not known.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class ResultRow:
     """One estimated object.
 
     Attributes:
-        scene_id: of the image.
-        im_id: of the image.
-        object_id: which object.
-        score: confidence; only the order counts.
+        scene_id: scene of the image.
+        im_id: image in the scene.
+        object_id: id of the object.
+        score: confidence, of which only the order counts.
         X_CO: its pose in the camera, (4, 4), m.
-        time: seconds for the whole image, or None where it is not known.
+        time: seconds for the whole image, or None if it is not known.
     """
 
     scene_id: int
@@ -52,7 +52,7 @@ class ResultRow:
 
 
 def format_row(row: ResultRow) -> str:
-    """The line of `row`, without its end; 12 significant digits."""
+    """The line of `row` with 12 significant digits, without a line end."""
     rotation = nearest_rotation(row.X_CO[:3, :3])
     values = (
         f"{row.score:.9g}",
@@ -67,8 +67,8 @@ def read_results(path: Path) -> list[ResultRow]:
     """Reads a results file; rotations are made orthonormal again.
 
     Raises:
-        InputError: where the file cannot be read, lacks a column, or a row is
-            malformed; names the line.
+        InputError: if the file cannot be read or lacks a column, or a row is
+            malformed; the error names the line.
     """
     file = StringIO(read_text(path, MAX_RESULTS_BYTES, "CSV"), newline="")
     try:
@@ -85,7 +85,7 @@ def read_results(path: Path) -> list[ResultRow]:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line's values with all that a message about them needs."""
+    """A line's values with what messages about them need."""
 
     path: Path
     number: int

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Writing results image by image, so that an interrupted run can go on.
+"""Writes results image by image, so that an interrupted run can be resumed.
 
-Beside ``RESULTS.csv`` stands ``RESULTS.csv.progress``, whose notes each name an image
-and the length of the results file with that image's rows. The rows reach the disk
-before the note does, so what the last whole note says is true whenever the run is cut
-off. To resume, the results file is cut to that length: that drops a torn line or half
-an image. An image in which nothing was found has a note but no rows, and counts as
-done.
+Beside ``RESULTS.csv`` is ``RESULTS.csv.progress``, whose notes each name an image and
+the length of the results file with that image's rows. The rows reach the disk before
+the note does, so the last whole note is true whenever the run is interrupted. To
+resume, the results file is cut to that length, which drops a partial line or half an
+image. An image in which nothing was found has a note but no rows, and counts as done.
 """
 
 from __future__ import annotations
@@ -38,18 +37,18 @@ class ResultsWriter(Closing):
     """Appends the results of one image after another; a context manager.
 
     Args:
-        path: the results file. Without `resume` an existing one is replaced.
-        resume: go on with what an earlier run wrote to `path`; where there is nothing
-            yet, begin.
-        settings: what must be the same in all parts of a run (names and values in
+        path: results file. An existing one is replaced unless `resume`.
+        resume: True to continue what an earlier run wrote to `path`, if it wrote
+            anything.
+        settings: settings that all parts of a run must share (names and values in
             plain text), for instance the seed and the detections.
 
     Attributes:
-        path: as given.
-        done: the images that are complete.
+        path: results file.
+        done: images that are complete.
 
     Raises:
-        InputError: where a file cannot be written, another run is writing it, or the
+        InputError: if a file cannot be written, another run is writing it, or the
             earlier run cannot be resumed.
     """
 
@@ -65,7 +64,7 @@ class ResultsWriter(Closing):
         if resume and path.exists() and not progress_path.exists():
             raise InputError(
                 progress_path,
-                "does not exist, so what is done in the results is not known",
+                "does not exist, so it is not known which results are complete",
                 "run without --resume to begin again",
             )
         self._progress = ProgressFile(progress_path, settings or {}, path)
@@ -87,28 +86,31 @@ class ResultsWriter(Closing):
         rows: Sequence[ResultRow],
         time: float | None = None,
     ) -> None:
-        """Adds all rows of one image, none where nothing was found.
+        """Adds all rows of one image; there are none if nothing was found.
 
         Args:
-            scene_id: of the image.
-            im_id: of the image.
-            rows: its estimates; their `time` is replaced.
-            time: seconds the whole image took.
+            scene_id: scene of the image.
+            im_id: image in the scene.
+            rows: estimates of the image; their `time` is replaced.
+            time: time that the whole image took, s.
 
         Raises:
-            InputError: where the disk is full, or the file cannot be written or is
-                there no more.
-            ValueError: where the image is done, a row belongs to another image, or a
-                pose is no pose.
+            InputError: if the disk is full, or the file cannot be written or no
+                longer exists.
+            ValueError: if the image is done, a row belongs to another image, or a
+                pose is not a rigid transform.
         """
         image = (scene_id, im_id)
         if image in self.done:
-            raise ValueError(f"image {image} is written already")
+            raise ValueError(f"image {image} has already been written")
         for row in rows:
             if (row.scene_id, row.im_id) != image:
-                raise ValueError(f"a row of image {image} says {row}")
+                raise ValueError(f"image {image} got a row of another image: {row}")
             if not (np.isfinite(row.X_CO).all() and is_rotation(row.X_CO[:3, :3])):
-                raise ValueError(f"object {row.object_id} of {image} has no pose")
+                raise ValueError(
+                    f"the pose of object {row.object_id} of {image} is not a rigid "
+                    "transform"
+                )
         check_in_place(self._results, self.path)
         self._progress.check_in_place()
         lines = [format_row(replace(row, time=time)) + "\n" for row in rows]
@@ -129,7 +131,7 @@ class ResultsWriter(Closing):
             raise cannot_write(self.path, error) from error
         if length == 0:
             self.done.clear()
-            # The settings come last: with them, the results have a header.
+            # The settings come last: if they are there, the results have a header.
             self._progress.clear()
             append(self._results, self.path, _HEADER)
             self._progress.begin()
@@ -145,7 +147,7 @@ class ResultsWriter(Closing):
         if length > size > 0:
             raise InputError(
                 self.path,
-                f"has {size} bytes, {self._progress.path.name} says {length}",
-                "it was changed; run without --resume to begin again",
+                f"has {size} bytes, but {self._progress.path.name} says {length}",
+                "it was changed: run without --resume to begin again",
             )
         return length if size > 0 else 0

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
 """COCO's run-length encoded masks.
 
-Runs go down the columns, first of zeros. They come as a list, or packed in a string:
-each run in groups of 5 bits, lowest first, 6th bit = more follow, and from the fourth
-run on as the difference to the run two before (the "compressed RLE" of
-https://github.com/cocodataset/cocoapi, maskApi). Its own decoder trusts the string
-and writes past the mask when the runs are too long, so it is not used here.
+Runs go down the columns, first of zeros. They are a list, or packed in a string: each
+run in groups of 5 bits, lowest first, with a 6th bit if more follow, and from the
+fourth run on as the difference to the run two before (the "compressed RLE" of
+https://github.com/cocodataset/cocoapi, maskApi). COCO's own decoder trusts the string
+and writes past the mask if the runs are too long, so it is not used here.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ def read_runs(segmentation: JsonNode, width: int, height: int) -> Runs:
     """The lengths of the runs of a ``{"size": [h, w], "counts": ...}`` value.
 
     Raises:
-        InputError: where it is not such a value, its size is not `width` x `height`,
-            or its runs do not add up to it.
+        InputError: if it is not such a value, its size is not `width` x `height`,
+            or its runs do not add up to that size.
     """
     size = segmentation["size"]
     if size.array(2).tolist() != [height, width]:
         size.fail(
-            f"is {size.value}, the image has [{height}, {width}]",
+            f"is {size.value}, but the image has [{height}, {width}]",
             "segmentations must have the size of the image",
         )
     counts = segmentation["counts"]
@@ -48,7 +48,7 @@ def read_runs(segmentation: JsonNode, width: int, height: int) -> Runs:
         )
     if runs.sum() != width * height:
         counts.fail(
-            f"sums to {runs.sum()} pixels, the mask has {width * height}",
+            f"sums to {runs.sum()} pixels, but the mask has {width * height}",
             "encode the mask again, column by column",
         )
     return runs

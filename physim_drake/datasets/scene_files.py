@@ -15,18 +15,18 @@ from physim_drake.storage.json_nodes import JsonNode, read_json
 
 _COLOR_NAMES = ("rgb/{:06d}.png", "rgb/{:06d}.jpg", "gray/{:06d}.png")
 MAX_TRANSLATION_MM = 1e6
-"""Longer ones are not in millimetres, or not of a scene on a table."""
+"""Longest translation: longer ones are not in mm, or not of a scene on a table."""
 
 
 class SceneFiles:
     """The files of one scene; each JSON file is parsed once, when it is needed.
 
     Args:
-        folder: of the scene.
+        folder: folder of the scene.
 
     Attributes:
-        folder: as given.
-        camera_path: its scene_camera.json.
+        folder: folder of the scene.
+        camera_path: path of its scene_camera.json.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -49,7 +49,7 @@ class SceneFiles:
         return self._optional("scene_gt_info.json")
 
     def camera(self, im_id: int) -> JsonNode:
-        """The camera of an image; raises `InputError` where there is none."""
+        """The camera of an image; raises `InputError` if it is not listed."""
         if im_id not in self.cameras:
             raise InputError(
                 self.camera_path, f"has no image {im_id}", "choose one that it lists"
@@ -57,13 +57,13 @@ class SceneFiles:
         return self.cameras[im_id]
 
     def depth_path(self, im_id: int) -> Path:
-        """Where the depth image stands."""
+        """Path of the depth image."""
         return self.folder / "depth" / f"{im_id:06d}.png"
 
     def color_path(self, im_id: int) -> Path | None:
-        """The colour or grey image; None where the scene has neither folder.
+        """Path of the colour or grey image; None if the scene has neither folder.
 
-        A folder with this image missing is an error, so that a lost file is noticed.
+        If a folder lacks the image, its path is returned, so that reading it fails.
         """
         paths = [self.folder / name.format(im_id) for name in _COLOR_NAMES]
         kept = [path for path in paths if path.exists()]
@@ -80,12 +80,12 @@ def read_intrinsics(camera: JsonNode, width: int, height: int) -> CameraIntrinsi
     node = camera["cam_K"]
     K = node.array(3, 3)
     if np.any(K[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] != [0, 0, 0, 0, 1]):
-        node.fail("has skew or no [0, 0, 1] row", "give fx, 0, cx, 0, fy, cy, 0, 0, 1")
+        node.fail("has skew or lacks [0, 0, 1]", "give fx, 0, cx, 0, fy, cy, 0, 0, 1")
     return CameraIntrinsics.from_matrix(K, width, height)
 
 
 def read_camera_pose(camera: JsonNode) -> Array | None:
-    """X_WC, m; None where the dataset does not give it."""
+    """X_WC, m; None if the dataset does not give it."""
     if camera.get("cam_R_w2c") is None and camera.get("cam_t_w2c") is None:
         return None
     return inverse(read_pose(camera, "cam_R_w2c", "cam_t_w2c"))

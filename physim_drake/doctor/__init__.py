@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Whether this installation works, and what to do if not."""
+"""Checks whether this installation works, and says how to repair it."""

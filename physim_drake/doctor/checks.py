@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Checks whether this installation can do its work, and says what to do where not.
+"""Checks whether this installation works, and says how to repair it.
 
 Nothing heavy is imported here. What may crash (OpenGL, Drake, torch) is tried by
-`physim_drake.doctor.probes` in a process of its own, so that a library that
-brings its process down is a failing check like any other.
+`physim_drake.doctor.probes` in a separate process, so that a library that crashes its
+process is a failing check like any other.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from pathlib import Path
 
 LEAST_PYTHON = (3, 11)
 LEAST_MEMORY = 2.0
-"""GiB: below this an estimate with two workers is likely to be killed."""
+"""Memory below which an estimate with two workers is likely to be killed, GiB."""
 LEAST_DISK = 0.5
-"""GiB: for what is compiled, cached and written."""
+"""Disk space for what is compiled, cached and written, GiB."""
 GRAPHICS_REMEDY = (
     "apt-get install libegl1 libgl1 libopengl0 libgl1-mesa-dri libxrender1 (as root)"
 )
@@ -35,7 +35,7 @@ _GIB = 2.0**30
 
 
 class Status(StrEnum):
-    """How a check went."""
+    """The outcome of a check."""
 
     OK = "ok"
     WARNING = "warning"
@@ -44,13 +44,13 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Check:
-    """What came of one check.
+    """The result of one check.
 
     Attributes:
-        name: what was checked.
-        status: how it went.
-        message: what was found, one line.
-        remedy: what to do about it, empty where nothing need be done.
+        name: name of the check.
+        status: outcome.
+        message: finding, in one line.
+        remedy: advice; empty if nothing needs to be done.
     """
 
     name: str
@@ -75,11 +75,11 @@ class Check:
 
 @dataclass(frozen=True)
 class Probe:
-    """A check that runs in a process of its own.
+    """A check that runs in a separate process.
 
     Attributes:
-        name: of the check; the probe's name in `installation_probes`.
-        remedy: where it does not come to an end.
+        name: name of the check in `physim_drake.doctor.probes`.
+        remedy: advice if the process crashes or hangs.
     """
 
     name: str
@@ -102,7 +102,7 @@ PROBES = (
 
 
 def check_installation() -> Iterator[Check]:
-    """Runs every check, and gives each as soon as those before it are done."""
+    """Runs every check, and yields each as soon as those before it are done."""
     for check in _QUICK:
         yield check()
     with ThreadPoolExecutor(max_workers=min(4, max(1, core_count()))) as pool:
@@ -110,8 +110,8 @@ def check_installation() -> Iterator[Check]:
 
 
 def run_probe(probe: Probe, timeout: float = _TIMEOUT) -> Check:
-    """Runs a check in a new interpreter; however that ends, it becomes a `Check`."""
-    # -P: a folder physim_drake in the working directory is not what is installed.
+    """Runs a check in a new interpreter; a crash or hang gives a failed `Check`."""
+    # -P: a folder physim_drake in the working directory is not the installed one.
     module = "physim_drake.doctor.probes"
     command = [sys.executable, "-P", "-m", module, probe.name]
     try:
@@ -134,7 +134,7 @@ def run_probe(probe: Probe, timeout: float = _TIMEOUT) -> Check:
 
 def _how_it_ended(done: subprocess.CompletedProcess[str]) -> str:
     said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    last = said[-1] if said else f"exit status {done.returncode}, and no word"
+    last = said[-1] if said else f"exit status {done.returncode}, without a message"
     if done.returncode < 0:
         return f"ended by {_signal_name(-done.returncode)}: {last}"
     return last
@@ -148,7 +148,7 @@ def _signal_name(number: int) -> str:
 
 
 def core_count() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -166,7 +166,7 @@ def _python() -> Check:
             "python",
             Status.WARNING,
             f"{found}: only Linux is tested",
-            "use Linux, or a container with it, where something fails",
+            "if something fails, use Linux, or a container with it",
         )
     return Check("python", Status.OK, found)
 
@@ -201,11 +201,11 @@ def _memory() -> Check:
 def available_memory(
     meminfo: Path = Path("/proc/meminfo"), cgroup: Path = Path("/sys/fs/cgroup")
 ) -> float | None:
-    """Memory that may still be used, GiB, within a container's limit.
+    """Memory that is available within a container's limit, GiB; None if not known.
 
     Args:
-        meminfo: the kernel's figures.
-        cgroup: the control group (version 2) of this process.
+        meminfo: file of the kernel's figures.
+        cgroup: folder of this process's control group (version 2).
     """
     try:
         lines = meminfo.read_text().splitlines()
@@ -236,4 +236,4 @@ def _disk() -> Check:
 
 _QUICK: Sequence[Callable[[], Check]] = (_python, _cores, _memory, _disk)
 CHECKS = len(_QUICK) + len(PROBES)
-"""How many checks there are."""
+"""Number of checks."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Checks that may crash: each runs in a process of its own and prints a JSON line.
+"""Checks that may crash: each runs in a separate process and prints a JSON line.
 
 python -m physim_drake.doctor.probes NAME
 
-A probe does for real, and small, what the library does; it raises what goes wrong.
-See `physim_drake.doctor.checks` for how they are run.
+A probe does a small piece of the library's real work, and raises if it fails.
+`physim_drake.doctor.checks` runs the probes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _WORKER_TIMEOUT = 120.0  # s
 
 
 def packages() -> Check:
-    """Whether everything that the base needs is there, as the metadata asks for it."""
+    """Checks that the packages that the metadata requires are installed."""
     needed = _requirements()
     wrong = [problem for r in needed if (problem := _unmet(r))]
     if wrong:
@@ -54,13 +54,13 @@ def packages() -> Check:
             "packages",
             Status.WARNING,
             f"{found}, but only {TESTED_DRAKE} is tested",
-            f"pip install drake=={TESTED_DRAKE}, where something fails",
+            f"if something fails, pip install drake=={TESTED_DRAKE}",
         )
     return Check("packages", Status.OK, found)
 
 
 def extras() -> Check:
-    """Which extras are installed, and how to get the others; they are no fault."""
+    """Lists the installed extras, and how to install the others; always OK."""
     there, absent = [], {}
     for name, extra in EXTRAS.items():
         problems = [problem for r in _requirements(name) if (problem := _unmet(r))]
@@ -75,7 +75,7 @@ def extras() -> Check:
 
 
 def _requirements(extra: str = "") -> list[Any]:
-    """What the base asks for, or what an extra adds to that."""
+    """Requirements of the base, or those that an extra adds."""
     from packaging.requirements import Requirement
 
     def asked(requirement: Requirement, extra: str) -> bool:
@@ -89,18 +89,18 @@ def _requirements(extra: str = "") -> list[Any]:
 
 
 def _unmet(requirement: Any) -> str:
-    """What is wrong about one requirement, else nothing."""
+    """The problem with one requirement; empty if it is met."""
     try:
         version = importlib.metadata.version(requirement.name)
     except importlib.metadata.PackageNotFoundError:
         return f"{requirement.name} is missing"
     if requirement.specifier.contains(version, prereleases=True):
         return ""
-    return f"{requirement.name} is {version}, needed {requirement.specifier}"
+    return f"{requirement.name} is {version}, but {requirement.specifier} is needed"
 
 
 def rendering() -> Check:
-    """Renders a red box on a table in depth and colour, and looks whether it is so."""
+    """Renders a red box on a table, and checks its depth and colour."""
     import numpy as np
 
     from physim_drake.camera import CameraIntrinsics
@@ -139,7 +139,7 @@ def _write_red_box(folder: Path) -> Path:
 
 
 def _gl_renderer() -> str:
-    """What draws: the renderer of the OpenGL context that is still current."""
+    """Name of the renderer of the OpenGL context that is still current."""
     for name in ("libOpenGL.so.0", "libGL.so.1"):
         with suppress(OSError):
             library = ctypes.CDLL(name)
@@ -151,7 +151,7 @@ def _gl_renderer() -> str:
 
 
 def physics() -> Check:
-    """Drops a box on the plane with hydroelastic contact, until it rests."""
+    """Drops a box on a plane with hydroelastic contact, until it rests."""
     import numpy as np
 
     from physim_drake.physics.settling import Settler
@@ -183,14 +183,14 @@ def _box() -> ObjectModel:
 
 
 def compiled_loops() -> Check:
-    """Whether what numba compiles can be kept for the next run."""
+    """Checks that what numba compiles can be cached for the next run."""
     from physim_drake.registration.distance_field import lookup
 
     if lookup.stats.cache_path is None:
         return Check(
             "compiled loops",
             Status.WARNING,
-            "kept nowhere: every run compiles them, for half a minute",
+            "not cached: every run compiles them for half a minute",
             "set NUMBA_CACHE_DIR to a folder that you may write",
         )
     folder = Path(lookup.stats.cache_path)
@@ -205,7 +205,7 @@ def compiled_loops() -> Check:
 
 
 def worker_processes() -> Check:
-    """Starts two processes as an estimate does, and waits for their word."""
+    """Starts two processes as an estimate does, and waits for their reply."""
     context = multiprocessing.get_context("spawn")
     start = time.monotonic()
     started = []
@@ -233,7 +233,7 @@ def worker_processes() -> Check:
 
 
 def _report_in(link: Connection) -> None:
-    """What a worker does here: imports what it would need, and tells who it is."""
+    """Imports what a worker needs, and sends the process id or an error."""
     try:
         importlib.import_module("physim_drake.estimation.workers")
     except Exception as error:
@@ -297,9 +297,9 @@ def detector_weights() -> Check:
         return Check(
             "detector weights",
             Status.WARNING,
-            f"{path} does not exist, so that objects are not found in images without "
-            "boxes or masks",
-            "give --detections or --masks, or physim-drake train weights",
+            f"{path} does not exist, so images without boxes or masks cannot be "
+            "estimated",
+            "give --detections or --masks, or train weights with physim-drake train",
         )
     try:
         need_extra("train")
@@ -314,7 +314,7 @@ def detector_weights() -> Check:
 
 
 def _not_installed(name: str, error: InputError) -> Check:
-    """An extra that is missing is no fault: `extras` says how to get it."""
+    """A missing extra is not a failure; `extras` says how to install it."""
     return Check(name, Status.OK, f"not tried: {error.source} {error.problem}")
 
 
@@ -332,7 +332,7 @@ PROBE_FUNCTIONS: Mapping[str, ProbeFunction] = {
 
 
 def main() -> None:
-    """Runs the probe that is named, and prints what came of it."""
+    """Runs the probe that the command line names, and prints its result."""
     # Numba, OpenGL or Drake may write to stdout; the last line is the result.
     check = PROBE_FUNCTIONS[sys.argv[1]]()
     print("\n" + json.dumps(check.as_dict()), flush=True)

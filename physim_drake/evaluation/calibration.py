@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Whether confidences mean what they say: how many of those that claim so are right.
+"""Calibration: of the estimates with some confidence, how many are right.
 
 An estimate is right here when it is within 5 degrees and 1 cm of the truth, after
-symmetry. Targets for which nothing was claimed do not count.
+symmetry. Targets without an estimate do not count.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
-"""Of the bins of confidence; finer where most estimates are."""
+"""Edges of the bins of confidence, which are narrower where most estimates are."""
 
 SURE = 0.9
-"""An estimate that claims at least this much may be acted on."""
+"""Least confidence of an estimate that may be acted on."""
 
 
 @dataclass(frozen=True)
 class ConfidenceBin:
-    """Estimates that claim about the same.
+    """Estimates of similar confidence.
 
     Attributes:
         low: least confidence in the bin.
-        high: below this; the last bin includes it.
-        estimates: how many there are.
-        confidence: their mean confidence; None where there are none.
-        correct: share of them that is right; None where there are none.
+        high: upper edge of the bin; only the last bin includes it.
+        estimates: number of estimates in the bin.
+        confidence: their mean confidence; None if the bin is empty.
+        correct: share of them that is right; None if the bin is empty.
     """
 
     low: float
@@ -44,12 +44,12 @@ class ConfidenceBin:
 
 @dataclass(frozen=True)
 class Calibration:
-    """How confidence and correctness go together.
+    """How well confidence predicts correctness.
 
     Attributes:
         bins: in ascending order.
-        sure: estimates that claim at least `SURE`.
-        sure_correct: share of them that is right; None where there are none.
+        sure: number of estimates with a confidence of at least `SURE`.
+        sure_correct: share of them that is right; None if the bin is empty.
         gap: mean distance of confidence and correctness over the bins, by estimates
             (the "expected calibration error").
     """
@@ -66,12 +66,12 @@ class Calibration:
         """Sorts estimates into bins.
 
         Args:
-            confidences: what each estimate claims.
-            correct: whether it is right.
+            confidences: confidence of each estimate.
+            correct: True for each estimate that is right.
 
         Returns:
-            None where there is no estimate, or a claim is not in 0..1, as scores of
-            other programs need not be.
+            None if there are no estimates, or a confidence is outside 0..1, as scores
+            of other programs may be.
         """
         claims, right = np.array(confidences, float), np.array(correct, bool)
         if len(claims) == 0 or not ((claims >= 0) & (claims <= 1)).all():

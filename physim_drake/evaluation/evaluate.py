@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Judges results against the ground truth of a dataset."""
+"""Evaluates results against the ground truth of a dataset."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ ACCEPTED_DISTANCE = 0.01
 ADD_S_DIAMETERS = 0.1
 ADD_S_POINTS = 2000
 DIAMETER_THRESHOLDS = np.linspace(0.05, 0.5, 10)
-"""Of VSD (as a fraction) and MSSD (in diameters) in the BOP challenge 2019."""
+"""Thresholds of VSD (a fraction) and MSSD (in diameters), BOP challenge 2019."""
 MSPD_THRESHOLDS = np.arange(5.0, 51.0, 5.0)
-"""In pixels of an image 640 wide."""
+"""Thresholds of MSPD in an image that is 640 pixels wide, px."""
 
 
 def evaluate_results(
@@ -58,15 +58,16 @@ def evaluate_results(
     no symmetry), else the library's.
 
     Args:
-        dataset: with ground truth.
-        results: estimates, in any order; those of other images or objects are counted
-            and left out.
-        library: the objects.
-        make_renderer: gives a renderer for a camera; without it VSD is left out.
-        progress: is told how many targets are done.
+        dataset: dataset with ground truth.
+        results: estimates, in any order; those of other images or objects are only
+            counted.
+        library: models of the objects.
+        make_renderer: function that returns a renderer for a camera; if it is None,
+            VSD is left out.
+        progress: function that is called with the number of targets done.
 
     Raises:
-        InputError: where an image has targets but no ground truth, or the library
+        InputError: if an image has targets but no ground truth, or the library
             lacks an object.
     """
     judge = _Judge(dataset, library, make_renderer)
@@ -99,7 +100,7 @@ class _Geometry:
 
 
 class _Judge:
-    """Judges target by target, keeping what the next one may need again."""
+    """Evaluates target by target, and keeps what the next one may need again."""
 
     def __init__(
         self,
@@ -131,7 +132,7 @@ class _Judge:
                 self._dataset.root,
                 f"has no true pose of object {target.object_id} in scene {image[0]}, "
                 f"image {image[1]}",
-                "results can only be judged where scene_gt.json is given",
+                "results can only be evaluated if there is a scene_gt.json",
             )
         rows = sorted(estimates, key=lambda row: -row.score)[: target.count]
         matches = match_objects(

@@ -34,7 +34,7 @@ class ObjectPose:
         name: name of the object, or of this instance of it.
         object_id: id of the object.
         X_FO: pose, (4, 4), m, in a frame F that all compared poses share.
-        confidence: of an estimate, 0..1.
+        confidence: confidence of an estimate, 0..1.
     """
 
     name: str
@@ -53,7 +53,7 @@ class ObjectError:
         rotation: rotation angle, least over the symmetries, rad; None if the object was
             not found.
         translation: distance of the origins, m; None if the object was not found.
-        confidence: of the estimate, 0..1; 0 if the object was not found.
+        confidence: confidence of the estimate, 0..1; 0 if the object was not found.
     """
 
     name: str
@@ -153,7 +153,7 @@ def match_detections_with_truth(
     Args:
         detections: boxes in the image.
         truth: true poses in the camera.
-        intrinsics: of the camera.
+        intrinsics: the camera.
 
     Returns:
         the true object of each detection; None for those that are left over.

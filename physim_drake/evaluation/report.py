@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What an evaluation tells: errors of each target, and their summaries."""
+"""The report of an evaluation: errors of each true instance, and their means."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ MISSED_TRANSLATION_CM = 20.0
 
 @dataclass(frozen=True)
 class InstanceErrors:
-    """How well one true object was found; as it stands, not at all.
+    """How well one true instance was found; by default it was not found.
 
     Attributes:
-        scene_id: of the image.
-        im_id: of the image.
-        object_id: which object.
-        gt_index: its place in scene_gt.json.
-        level: its interaction level, or None where the dataset gives none.
-        found: whether an estimate was matched with it.
+        scene_id: scene of the image.
+        im_id: image in the scene.
+        object_id: id of the object.
+        gt_index: index of the instance in scene_gt.json.
+        level: interaction level, or None if the dataset does not give it.
+        found: True if an estimate was matched with it.
         confidence: the score of that estimate; None when missed.
         rotation_deg: mean of |roll|, |pitch|, |yaw|, smallest over the symmetries.
         geodesic_deg: rotation angle, smallest over the symmetries.
         translation_cm: distance of the origins.
-        accepted: whether within 5 degrees and 1 cm.
+        accepted: True if it is within 5 degrees and 1 cm.
         add_s_cm: mean distance to the nearest surface point; None when missed.
-        add_s_accepted: whether that is below a tenth of the diameter.
+        add_s_accepted: True if that is below a tenth of the diameter.
         mssd_cm: maximum symmetry-aware surface distance; None when missed.
         mspd_px: maximum symmetry-aware projection distance; None when missed.
         vsd_recall: fraction of the challenge's tolerances and thresholds that VSD
-            meets; None where VSD was not computed.
+            meets; None if VSD was not computed.
         mssd_recall: fraction of the thresholds that MSSD meets.
         mspd_recall: fraction of the thresholds that MSPD meets.
     """
@@ -66,7 +66,7 @@ class Summary:
     """Means over a set of targets; missed ones count 90 degrees and 20 cm.
 
     Attributes:
-        targets: how many there are.
+        targets: number of true instances.
         found: fraction with an estimate.
         rotation_mean_deg: mean of `InstanceErrors.rotation_deg`.
         geodesic_mean_deg: mean rotation angle.
@@ -75,7 +75,7 @@ class Summary:
         translation_median_cm: median distance of the origins.
         recall_5deg_1cm: fraction within 5 degrees and 1 cm.
         add_s_recall: fraction with ADD-S below a tenth of the diameter.
-        ar_vsd: average recall of VSD, None where it was not computed.
+        ar_vsd: average recall of VSD, None if it was not computed.
         ar_mssd: average recall of MSSD.
         ar_mspd: average recall of MSPD.
     """
@@ -120,16 +120,16 @@ class EvaluationReport:
     """The outcome of one evaluation.
 
     Attributes:
-        overall: over all targets.
-        levels: by interaction level; empty where the dataset gives none.
-        objects: by object id.
-        errors: one for each target instance.
-        images: how many images have targets.
-        timed_images: how many of them have a time in the results.
+        overall: means over all targets.
+        levels: means by interaction level; empty if the dataset does not give levels.
+        objects: means by object id.
+        errors: one for each true instance.
+        images: number of images with targets.
+        timed_images: number of those with a time in the results.
         time_per_image: mean seconds over those, or None.
         unused_rows: rows of the results that belong to no target.
-        calibration: whether scores are honest confidences; None where there is no
-            estimate, or scores are no confidences.
+        calibration: how scores agree with the share that is right; None if there are
+            no estimates, or scores are not confidences.
     """
 
     overall: Summary
@@ -149,11 +149,11 @@ class EvaluationReport:
         times: Sequence[float | None],
         unused_rows: int,
     ) -> EvaluationReport:
-        """Sums up.
+        """Computes all means.
 
         Args:
-            errors: of at least one target.
-            times: seconds of each image with targets, None where not known.
+            errors: errors of at least one instance.
+            times: seconds of each image with targets, None if not known.
             unused_rows: see `EvaluationReport`.
         """
         known = [time for time in times if time is not None]

@@ -18,7 +18,7 @@ from physim_drake.observation.observation import Mask
 from physim_drake.poses import Array
 
 VSD_DELTA = 0.015
-"""How far behind the measured surface a model may lie and still be visible, m."""
+"""Greatest depth behind the measured surface at which a model is visible, m."""
 
 VSD_TAUS = np.linspace(0.05, 0.5, 10)
 """Misalignment tolerances, in diameters."""
@@ -28,7 +28,7 @@ class RenderDepth(Protocol):
     """Renders one object alone."""
 
     def render(self, object_id: int, X_CO: Array, /) -> DepthImage:
-        """Depth (height, width), m, of the object at `X_CO`; 0 beside it."""
+        """Depth (height, width), m, of the object at `X_CO`; 0 outside it."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class SceneDistances:
     """The measured image as distances from the camera's centre.
 
     Attributes:
-        measured: (height, width), m, 0 where nothing was measured.
-        per_depth: (height, width), distance over depth of each pixel.
+        measured: (height, width), m; 0 at pixels without a measurement.
+        per_depth: (height, width), ratio of distance to depth of each pixel.
     """
 
     measured: Array
@@ -64,11 +64,11 @@ def vsd(
         scene: the measured image.
         depth_true: the object at its true pose, (height, width), m.
         depth_estimated: the object at its estimated pose, (height, width), m.
-        diameter: of the object, m.
+        diameter: diameter of the object, m.
     """
     true, estimated = depth_true * scene.per_depth, depth_estimated * scene.per_depth
     visible_true = _visible(scene.measured, true)
-    # Where the true object is seen, the estimate may hide behind its surface.
+    # At pixels that show the true object the estimate may hide behind its surface.
     visible_estimated = _visible(scene.measured, estimated)
     visible_estimated |= visible_true & (estimated > 0)
     union = int((visible_true | visible_estimated).sum())

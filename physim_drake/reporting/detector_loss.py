@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What accuracy is lost where a network says where the objects are."""
+"""Accuracy that is lost if a network detects the objects."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class DetectorLoss:
     """How much larger mean errors are than with given detections.
 
     Attributes:
-        rotation: share by which the mean rotation error is larger, over all objects;
-            those that are not found count 90 degrees and 20 cm, in both.
-        translation: the same of the translation error.
-        rotation_found: the same over the objects that both found.
-        translation_found: the same of the translation error.
-        missed: objects that were found with given detections only.
-        gained: objects that were found with the network only.
+        rotation: increase of the mean rotation error over all objects, as a share;
+            objects that are not found count 90 degrees and 20 cm.
+        translation: increase of the mean translation error, likewise.
+        rotation_found: increase of the rotation error over objects that both found.
+        translation_found: increase of the translation error over the same objects.
+        missed: number of objects that were found only with given detections.
+        gained: number of objects that were found only with the network.
     """
 
     rotation: float
@@ -39,23 +39,23 @@ def detector_loss(
     """Compares the errors of one method on the same targets.
 
     Args:
-        given: with given detections.
-        network: with those of a network, in the same order.
+        given: errors with given detections.
+        network: errors with a network's detections, in the same order.
     """
     pairs = list(zip(given, network, strict=True))
     both = [(a, b) for a, b in pairs if a.found and b.found]
     return DetectorLoss(
-        *_larger(pairs),
-        *_larger(both),
+        *_increase(pairs),
+        *_increase(both),
         missed=sum(a.found and not b.found for a, b in pairs),
         gained=sum(b.found and not a.found for a, b in pairs),
     )
 
 
-def _larger(
+def _increase(
     pairs: Sequence[tuple[InstanceErrors, InstanceErrors]],
 ) -> tuple[float, float]:
-    """Shares by which the second's mean errors are larger; 0 where there is none."""
+    """Increase of both mean errors as a share; 0 if there are no pairs."""
     if not pairs:
         return 0.0, 0.0
     errors = np.array(

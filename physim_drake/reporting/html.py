@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the pages share: their template's frame, and pictures inside the page."""
+"""Renders pages from templates, and embeds pictures in them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-# Stands for the page's colour of text in what matplotlib draws.
+# Colour that matplotlib draws with, which the page replaces by that of its text.
 _INK = "#010203"
 _INKED = (
     "axes.edgecolor",
@@ -67,8 +67,8 @@ def jpeg(image: NDArray[np.uint8], scale: float = 1.0) -> str:
     """An image (height, width, 3), RGB, as a JPEG file in base64.
 
     Args:
-        image: what to encode.
-        scale: factor of its size.
+        image: image to encode.
+        scale: factor by which its size changes.
     """
     if scale != 1.0:
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
@@ -92,8 +92,8 @@ def svg(figure: Figure, description: str) -> Markup:
     """A figure as SVG to be put into a page, in whose colour it writes.
 
     Args:
-        figure: made within `page_style`, as is this call.
-        description: for those who cannot see it.
+        figure: a figure made within `page_style`; this call must be within it as well.
+        description: text for readers who cannot see it.
     """
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})

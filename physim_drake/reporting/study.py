@@ -32,7 +32,7 @@ from physim_drake.scene_estimate import SceneEstimate
 
 SUCCESS_DEG, SUCCESS_CM = 6.0, 1.5
 HYPOTHESES = "hypotheses"
-"""What their quality is called among the parts of a study."""
+"""Name of the part of a study that measures the quality of hypotheses."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class MethodRun:
     """One method's estimates of all images, and how good they are.
 
     Attributes:
-        method: which one.
-        name: what to call it, and its detections where others have been given, too.
-        estimates: by image, without their detections.
-        report: their errors.
+        method: the method.
+        name: name in the report; it names the detections if there are several kinds.
+        estimates: estimate of each image, without its detections.
+        report: errors of the estimates.
         curve: the anytime curve: (expansions, mean rotation error in degrees, mean
             translation error in cm), (N, 3); empty for methods that do not search.
     """
@@ -60,7 +60,7 @@ class SelectedPoseErrors:
     """One row of Table II: the errors of the pose that a metric selects.
 
     Attributes:
-        metric: which poses, and how one of them is selected.
+        metric: the candidate poses, and how one of them is selected.
         rotation_deg: mean over the objects, degrees.
         translation_cm: mean over the objects, cm.
     """
@@ -75,10 +75,10 @@ class HypothesisQuality:
     """Table II, and how often the representatives hold a good pose.
 
     Attributes:
-        rows: one for each metric of selection.
+        rows: one row for each metric.
         success: share of objects with a representative within 6 degrees and 1.5 cm.
-        objects: how many objects there are.
-        poses: mean number of scored poses an object.
+        objects: number of objects.
+        poses: mean number of scored poses for each object.
     """
 
     rows: tuple[SelectedPoseErrors, ...]
@@ -92,14 +92,15 @@ class Study:
     """Everything that is needed to run methods on a dataset.
 
     Attributes:
-        dataset: with ground truth.
-        library: its objects.
-        look_up: gives an image's detections.
-        source: what to call them.
-        config: settings but the method.
-        progress: is called once an image with what is being done.
-        engine: where methods run; the quality of hypotheses is judged here.
-        notes: where what is found in an image is kept; what is there is not done again.
+        dataset: dataset with ground truth.
+        library: models of its objects.
+        look_up: function that returns the detections of an image.
+        source: name of their source, for messages.
+        config: settings; each run replaces the method.
+        progress: function that is called after each image with the name of the part.
+        engine: engine on which methods run; the quality of hypotheses is always
+            measured in this process.
+        notes: results by part and image; those that are noted are not computed again.
     """
 
     dataset: BopDataset
@@ -113,7 +114,7 @@ class Study:
 
     @property
     def images(self) -> list[ImageId]:
-        """The images that have targets."""
+        """The images with targets."""
         targets = self.dataset.targets()
         return list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))
 
@@ -128,9 +129,10 @@ class Study:
         """Estimates every image with one method.
 
         Args:
-            method: which one.
-            make_renderer: for VSD, which is left out without it.
-            name: what to call it, if not as it is.
+            method: the method.
+            make_renderer: function that returns a renderer for a camera; if it is
+                None, VSD is left out.
+            name: name in the report, if not that of the method.
         """
         part = name or str(method)
         found = self._outcomes(method, part)
@@ -145,13 +147,13 @@ class Study:
         return MethodRun(method, part, estimates, report, self._curve(found))
 
     def _outcomes(self, method: Method, part: str) -> dict[ImageId, ImageOutcome]:
-        """What the method makes of every image; estimates those not noted yet."""
+        """The outcome for every image; estimates those that are not noted yet."""
         images = self.images
         todo = [image for image in images if not self.notes.has(part, image)]
         boxes: dict[ImageId, tuple[Array, ...]] = {}
 
         def detections(image: ImageId) -> Sequence[Detection]:
-            """The objects to find in an image; keeps their boxes."""
+            """The objects to find in an image; their boxes are kept."""
             found = self.detections(image)
             boxes[image] = tuple(d.box for d in found)
             return found
@@ -162,7 +164,7 @@ class Study:
                 for result in estimate_images(
                     self.dataset, todo, detections, estimator
                 ):
-                    # Masks are most of an estimate, and no figure needs them.
+                    # Masks are most of an estimate, and are not needed.
                     estimate = replace(result.estimate, detections=())
                     outcome = ImageOutcome(
                         estimate, boxes.pop(result.image), result.seconds
@@ -180,7 +182,7 @@ class Study:
                 for image in todo:
                     found = ImageHypothesisErrors(
                         tuple(
-                            self._judge(hypotheses, X_CS, truth)
+                            self._hypothesis_errors(hypotheses, X_CS, truth)
                             for hypotheses, X_CS, truth in self._hypotheses(
                                 estimator, image
                             )
@@ -194,10 +196,10 @@ class Study:
         ]
         return _quality([item for note in noted for item in note.objects])
 
-    def _judge(
+    def _hypothesis_errors(
         self, hypotheses: PoseHypotheses, X_CS: Array, truth: GroundTruthPose
     ) -> ObjectHypothesisErrors:
-        """How good an object's hypotheses are."""
+        """Errors of an object's hypotheses."""
         rotation, translation = _errors(
             X_CS @ hypotheses.X_SO,
             truth.X_CO,
@@ -238,8 +240,8 @@ class Study:
     def _curve(self, outcomes: Mapping[ImageId, ImageOutcome]) -> Array:
         """Mean errors of the best state so far against expansions, before refining.
 
-        The first search of each group counts; before its first complete state, its
-        first one does.
+        The first search of each group counts. Expansions before its first complete
+        state count with the errors of that state.
         """
         grid = np.arange(1.0, self.config.search.expansions + 1)
         errors, count = np.zeros((len(grid), 2)), 0
@@ -279,7 +281,7 @@ class Study:
 
 
 def _quality(found: Sequence[ObjectHypothesisErrors]) -> HypothesisQuality:
-    """Table II from every object's hypotheses."""
+    """Table II from the errors of every object's hypotheses."""
     selected: dict[str, list[tuple[float, float]]] = {}
     for item in found:
         for metric, pair in item.selected.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a study finds in each image, kept so that a study that was cut off can go on."""
+"""Results of a study by image, kept so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ImageOutcome:
-    """What a method made of an image.
+    """A method's result for an image.
 
     Attributes:
-        estimate: of it, without its detections.
-        boxes: of the detections, in the estimate's order, (4,) each; see `Detection`.
-        seconds: that it took, reading included.
+        estimate: estimate of the image, without its detections.
+        boxes: boxes of the detections, in the estimate's order, (4,) each, as in
+            `Detection`.
+        seconds: time that it took, reading included.
     """
 
     estimate: SceneEstimate
@@ -36,13 +37,13 @@ class ImageOutcome:
 
 @dataclass(frozen=True)
 class ObjectHypothesisErrors:
-    """How good the hypotheses of an object in an image are.
+    """Errors of the hypotheses of an object in an image.
 
     Attributes:
         selected: rotation error (degrees) and distance (cm) of the pose that each
             metric of Table II selects.
-        success: whether a representative is within 6 degrees and 1.5 cm.
-        poses: how many were scored.
+        success: True if a representative is within 6 degrees and 1.5 cm.
+        poses: number of scored poses.
     """
 
     selected: Mapping[str, tuple[float, float]]
@@ -52,10 +53,10 @@ class ObjectHypothesisErrors:
 
 @dataclass(frozen=True)
 class ImageHypothesisErrors:
-    """How good the hypotheses in an image are.
+    """Errors of the hypotheses in an image.
 
     Attributes:
-        objects: those that have any.
+        objects: errors for each object with hypotheses.
     """
 
     objects: tuple[ObjectHypothesisErrors, ...]
@@ -64,15 +65,15 @@ class ImageHypothesisErrors:
 class StudyNotes:
     """Notes by part of the study (a method, say) and image.
 
-    A value comes back as it is read from a file, whether or not it came from one, so
-    that a study does not depend on whether it was cut off.
+    Every value is returned as if it had been read from a file, so that the results of
+    a study do not depend on whether it was interrupted.
 
     Args:
-        progress: where they are kept; None keeps them for this study only.
-        earlier: what an earlier run left there.
+        progress: file of the notes; None keeps them for this study only.
+        earlier: notes that an earlier run left there.
 
     Raises:
-        InputError: where it left something else.
+        InputError: if one of them is not a note of a study.
     """
 
     def __init__(
@@ -84,26 +85,26 @@ class StudyNotes:
             part = note["part"].value
             image = (note["scene_id"].integer(), note["im_id"].integer())
             if not isinstance(part, str):
-                note["part"].fail("is no text")
+                note["part"].fail("is not a text")
             self._found[part, image] = note["found"]
 
     def __len__(self) -> int:
         return len(self._found)
 
     def has(self, part: str, image: ImageId) -> bool:
-        """Whether there is a note that has not been taken."""
+        """Whether there is a note that has not been taken yet."""
         return (part, image) in self._found
 
     def take(self, part: str, image: ImageId, kind: type[T]) -> T:
-        """The value of a note, which is given once.
+        """The value of a note, which can be taken once.
 
         Args:
-            part: of the study.
-            image: which.
-            kind: the dataclass that the value is of.
+            part: part of the study.
+            image: scene id and image id.
+            kind: dataclass of the value.
 
         Raises:
-            InputError: where the file holds something else.
+            InputError: if the note holds something else.
         """
         return from_plain(self._found.pop((part, image)), kind)
 
@@ -111,7 +112,7 @@ class StudyNotes:
         """Notes a value of a dataclass.
 
         Raises:
-            InputError: where the file cannot be written, or is there no more.
+            InputError: if the file cannot be written, or no longer exists.
         """
         note = {
             "part": part,

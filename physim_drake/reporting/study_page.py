@@ -47,22 +47,22 @@ def write_report(
     losses: Mapping[str, DetectorLoss] | None = None,
     notes: Sequence[str] = (),
 ) -> Path:
-    """Writes `index.html`, `report.json` and a CSV a table into a folder.
+    """Writes `index.html`, `report.json` and a CSV for each table into a folder.
 
     Args:
-        study: what was run.
-        runs: its methods; the first that searched gives the gallery.
-        quality: of the hypotheses, if it was measured.
-        folder: is made if missing.
-        gallery: so many images are shown.
-        losses: by the name of a run with a network's detections, against given ones.
-        notes: what to say below the first table.
+        study: the study.
+        runs: runs of its methods; the gallery shows the first that searched.
+        quality: quality of the hypotheses, if it was measured.
+        folder: folder of the files; it is made if missing.
+        gallery: number of images in the gallery.
+        losses: loss by the name of a run with a network's detections.
+        notes: sentences below the first table.
 
     Returns:
-        the page.
+        path of the page.
 
     Raises:
-        InputError: where the folder cannot be written.
+        InputError: if the folder cannot be written.
     """
     levels = sorted({level for run in runs for level in run.report.levels})
     names = [*(_LEVEL_NAMES.get(n, f"level {n}") for n in levels), "all"]
@@ -96,7 +96,7 @@ def write_report(
         json.dump(figures, file, indent=1, allow_nan=False)
         file.write("\n")
     _write_tables(folder, names, rows, runs, quality)
-    # Last, so that where there is a page there is all of the report.
+    # Last, so that if there is a page, the report is complete.
     path = folder / "index.html"
     with write_atomically(path) as file:
         file.write(page)
@@ -129,7 +129,7 @@ def _as_dict(
     methods = {}
     for run in runs:
         entry = run.report.as_dict()
-        # Seconds differ from run to run; the report is the same for the same seed.
+        # Times differ between runs, but the same seed must give the same report.
         entry.pop("time_per_image", None)
         entry.pop("timed_images", None)
         methods[run.name] = entry | {"curve": run.curve.tolist()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Cluttered scenes with exact ground truth: placed, settled, labelled, looked at."""
+"""Generates cluttered scenes with exact ground truth, and images of them."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What else is seen in a scene: things of no known kind beside the objects, and a room.
+"""Distractors and a room: shapes around the objects of a scene.
 
-They are seen and measured, but have no label and take no part in contact.
+They appear in the images and the depth, but have no label and no contact.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _FURNITURE = (1.3, 3.0)  # m from the middle
 def draw_distractors(
     circles: Array, most: int, height: float, rng: np.random.Generator
 ) -> list[Prop]:
-    """Things that lie or stand around the objects on the surface.
+    """Draws shapes that lie or stand around the objects on the surface.
 
     Args:
-        circles: x, y and radius (m) that the objects take up, (N, 3).
-        most: at most this many, and half of them in the mean.
+        circles: x, y and radius (m) of the areas that the objects take up, (N, 3).
+        most: greatest number of shapes; the mean is half of it.
         height: free height above the surface, m.
-        rng: source of all choices.
+        rng: source of all random choices.
     """
     props: list[Prop] = []
     taken = [tuple(circle) for circle in circles]
@@ -66,7 +66,7 @@ def draw_room(rng: np.random.Generator) -> list[Prop]:
 
 
 def _draw_shape(rng: np.random.Generator) -> tuple[Shape, Array, float, float]:
-    """A shape, how it is turned, half its height and the radius it takes up, m."""
+    """A shape, its orientation R_WP, half its height and its radius on the floor, m."""
     a, b, c = (float(x) for x in rng.uniform(0.015, 0.08, 3))
     upright = _turned(rng)
     lying = upright @ Rotation.from_euler("y", np.pi / 2).as_matrix()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What can be set about generated scenes."""
+"""Settings of generated scenes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from physim_drake.objects.containers import ContainerName
 
 @dataclass(frozen=True)
 class RestLimits:
-    """What counts as a scene at rest.
+    """Limits within which a scene is at rest.
 
     Attributes:
-        speed: of an object's origin and its centre of mass, m/s.
-        angular_speed: rad/s.
-        penetration: of any two bodies, m.
-        drift: an object may move this far while the scene is left alone, m.
-        drift_angle: and turn by this much, rad.
+        speed: greatest speed of an object's origin and centre of mass, m/s.
+        angular_speed: greatest angular speed, rad/s.
+        penetration: greatest penetration of any two bodies, m.
+        drift: greatest distance that an object moves while the scene is held, m.
+        drift_angle: greatest angle by which it turns meanwhile, rad.
     """
 
     speed: float = 1e-3
@@ -29,18 +29,18 @@ class RestLimits:
 
 @dataclass(frozen=True)
 class SettlingConfig:
-    """How a whole scene comes to rest.
+    """Settings of the settling of a scene.
 
     Attributes:
-        time_step: of the discrete contact solver, s. Longer ones throw objects that
-            stand on a flat face.
-        damping_time: motion dies away with this time constant at first, s.
-        max_time: of damped settling, s.
-        hold_time: then the scene is left alone, without damping, s.
-        touching: objects no farther apart than this are in contact, m.
-        apart: and those at least this far apart are not; scenes with a pair in
-            between are rejected, since their level would be a matter of taste, m.
-        limits: what counts as rest.
+        time_step: time step of the discrete contact solver, s. Longer ones throw
+            objects that stand on a flat face.
+        damping_time: time constant with which motion dies away at first, s.
+        max_time: longest time of damped settling, s.
+        hold_time: time for which the scene is then held without damping, s.
+        touching: greatest distance of objects in contact, m.
+        apart: least distance of objects that are not in contact, m. Scenes with a
+            pair in between are rejected, since their level would be ambiguous.
+        limits: limits within which the scene is at rest.
     """
 
     time_step: float = 0.005
@@ -54,18 +54,18 @@ class SettlingConfig:
 
 @dataclass(frozen=True)
 class SceneConfig:
-    """One scene to generate.
+    """Settings of one scene.
 
     Attributes:
-        level: the highest interaction level in the scene, 1 to 3; a larger number
-            asks for a pile of so many objects, a few of which may roll off.
-        min_objects: fewest objects.
-        max_objects: most objects.
-        container: what they stand on or in.
-        max_tries: a scene that does not settle as asked is drawn again, this often.
-        settling: how it comes to rest.
-        repeats: objects occur again once all of the library are in the scene; without
-            it, no more can be asked for than there are.
+        level: highest interaction level in the scene, 1 to 3; a larger number asks for
+            a pile of that many objects, a few of which may roll off.
+        min_objects: least number of objects.
+        max_objects: greatest number of objects.
+        container: support of the objects.
+        max_tries: greatest number of scenes that are drawn until one settles as asked.
+        settling: settings of the settling.
+        repeats: True if objects may occur again once the whole library is in the
+            scene; otherwise `max_objects` is limited by the size of the library.
     """
 
     level: int = 1

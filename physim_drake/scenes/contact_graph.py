@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Interaction levels from who touches whom.
+"""Interaction levels from the contacts of objects.
 
-The paper tells scenes apart by how many objects depend on each other (Mitash et al.,
+The paper distinguishes scenes by how many objects depend on each other (Mitash et al.,
 "Physics-aware 6D pose estimation with Monte Carlo tree search", section V: independent,
 two-object and three-object dependency). Here an object's level is the number of objects
 in its connected component of the contact graph, at most 3.
@@ -21,8 +21,8 @@ def contact_edges(distances: Mapping[Pair, float], touching: float) -> tuple[Pai
     """The pairs of objects no farther apart than `touching`, in ascending order.
 
     Args:
-        distances: m, by pair of object indices.
-        touching: m.
+        distances: distance by pair of object indices, m.
+        touching: greatest distance of objects in contact, m.
     """
     return tuple(
         sorted((min(p), max(p)) for p, d in distances.items() if d <= touching)
@@ -40,7 +40,7 @@ def interaction_levels(count: int, edges: Iterable[Pair]) -> tuple[int, ...]:
 
 
 def largest_group(count: int, edges: Iterable[Pair]) -> int:
-    """How many of `count` objects the largest connected component holds."""
+    """Number of objects in the largest connected component of `count` objects."""
     return max(map(len, _groups(count, edges)))
 
 

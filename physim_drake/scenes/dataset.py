@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Datasets of generated scenes in BOP layout, made by any number of workers.
 
-Every scene comes into its place whole, by one rename; the files about the whole dataset
-are made from the scenes at the end, and ``generation.json`` says ``"complete": true``
-last of all. So a run that was cut off leaves whole scenes and perhaps hidden scratch
-folders, and a resumed one makes the rest.
+Every scene appears whole, by one rename. The files about the whole dataset are made
+from the scenes at the end, and ``generation.json`` gets its ``"complete": true`` last.
+So an interrupted run leaves whole scenes and perhaps hidden scratch folders, and a
+resumed run makes the rest.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from physim_drake.storage.scratch import ScratchFolder
 
 SPLIT = "test"
 STATE_FILE = "generation.json"
-# A scene takes seconds and a view less than one; a process that takes so much longer
+# A scene takes seconds and a view less than one; a process that takes this much longer
 # hangs, s.
 _SCENE_LIMIT, _VIEW_LIMIT = 600.0, 30.0
 Progress = Callable[[int], None]
@@ -59,18 +59,18 @@ def generate_dataset(
     """Generates a dataset; the files do not depend on workers or interruptions.
 
     Args:
-        root: its folder; is made, and must be empty without `resume`.
-        library: the objects to draw from.
-        config: its scenes.
-        scenes: how many, numbered from 1.
-        workers: processes; 1 works in this process; a cluster has its own number.
-        resume: keep the scenes that an earlier run with the same settings finished.
-        progress: is told how many scenes are done.
-        engine: where the scenes are made.
+        root: folder of the dataset; it is made, and must be empty unless `resume`.
+        library: objects to draw from.
+        config: settings of the scenes.
+        scenes: number of scenes; their ids count from 1.
+        workers: number of processes; 1 uses this process. A cluster has its own number.
+        resume: True to keep the scenes that an earlier run with the same settings made.
+        progress: function that is called with the number of scenes done.
+        engine: engine that makes the scenes.
 
     Raises:
-        InputError: where the settings cannot be, or files cannot be written.
-        PhysimError: where a scene cannot be made.
+        InputError: if the settings are impossible, or files cannot be written.
+        PhysimError: if a scene cannot be made.
     """
     if scenes < 1 or config.views < 1 or workers < 1:
         raise InputError(
@@ -102,7 +102,7 @@ def generate_dataset(
 def _settings(
     library: ObjectLibrary, config: DatasetConfig, scenes: int
 ) -> dict[str, Any]:
-    """What must be the same for a run to be resumed, as it looks when read back."""
+    """Settings that a resumed run must share, as they are when read back from JSON."""
     settings = {
         "scenes": scenes,
         **asdict(config),
@@ -138,7 +138,7 @@ def _begin(root: Path, settings: dict[str, Any], resume: bool) -> None:
     for folder in (root, root / SPLIT):
         _remove_scratch(folder)
     if not state.exists():
-        # First, since without it what follows could not be told from other files.
+        # First, since it marks what follows as files of this program.
         _write_state(root, settings, complete=False)
     (root / SPLIT).mkdir(exist_ok=True)
 
@@ -178,9 +178,9 @@ class SceneMaker:
 
     Args:
         split: folder of the scenes.
-        library: the objects to draw from.
-        config: the scenes.
-        model_files: Drake models of the objects.
+        library: objects to draw from.
+        config: settings of the scenes.
+        model_files: SDF file of each object by its id.
     """
 
     def __init__(
@@ -195,7 +195,7 @@ class SceneMaker:
         threadpool_limits(1)
 
     def make(self, scene_id: int) -> None:
-        """Makes a scene, unless a process that died right afterwards has."""
+        """Makes a scene, unless a process that died afterwards has made it."""
         if not (self._split / f"{scene_id:06d}").is_dir():
             write_scene(
                 self._split, self._library, self._config, scene_id, self._model_files
@@ -203,11 +203,11 @@ class SceneMaker:
 
 
 class SceneSender:
-    """Makes scenes of one dataset where its folder is not, and sends their files.
+    """Makes scenes on a machine without the dataset's folder, and sends their files.
 
     Args:
-        library: the objects to draw from.
-        config: the scenes.
+        library: objects to draw from.
+        config: settings of the scenes.
     """
 
     def __init__(self, library: ObjectLibrary, config: DatasetConfig) -> None:
@@ -240,7 +240,7 @@ def _run(
     progress: Progress,
     done: int,
 ) -> None:
-    """Makes the scenes `todo` here."""
+    """Makes the scenes `todo` on this machine."""
     if workers == 1:
         with threadpool_limits(1):
             here = maker()
@@ -279,7 +279,7 @@ def _run_on_cluster(
 
 
 def _remove_scratch(folder: Path) -> None:
-    """Removes what was being written when a run was cut off."""
+    """Removes what was being written when a run was interrupted."""
     for path in folder.glob(".*.tmp"):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
 

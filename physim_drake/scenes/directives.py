@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Scenes as Drake model directives, to open them in any plant.
+"""Scenes as Drake model directives, which any plant can load.
 
 Files are named relative to a package, `physim_scenes`, whose root is the folder of the
 dataset; add it to a parser with
@@ -32,7 +32,7 @@ def directives_text(scene: GeneratedScene, model_uris: Mapping[int, str]) -> str
     """The scene as YAML for `pydrake.multibody.parsing.LoadModelDirectives`.
 
     Args:
-        scene: the scene; objects become free bodies named `object_<index>`.
+        scene: scene; its objects become free bodies named `object_<index>`.
         model_uris: path of each object's SDF below the package, by object id.
     """
     lines = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One scene: objects drawn, placed, settled and labelled."""
+"""Generates one scene: draws objects, places, settles and labels them."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from physim_drake.scenes.plant import NotAtRestError, RestingScene, ScenePlant
 from physim_drake.storage.files import reading
 from physim_drake.storage.scratch import ScratchFolder
 
-_PLACEMENTS = 4  # a set of objects is tried this often before others are drawn
-_TABLE_OBJECTS = 11  # fit side by side into the usual area
-_PILE_SHARE = 0.8  # of a pile that must hang together: a ball may roll off
-_PILE_PENETRATION = 2.0  # times what bodies may penetrate elsewhere
+_PLACEMENTS = 4  # tries with a set of objects before others are drawn
+_TABLE_OBJECTS = 11  # that fit side by side into the usual area
+_PILE_SHARE = 0.8  # of a pile that must be connected: a ball may roll off
+_PILE_PENETRATION = 2.0  # times the penetration that is allowed elsewhere
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class GeneratedScene:
     """A scene at rest; W is the frame of its container.
 
     Attributes:
-        object_ids: the objects, each once.
+        object_ids: id of each object.
         X_WO: their poses, (N, 4, 4).
         edges: pairs of indices of objects that touch.
         levels: interaction level of each object, 1 to 3.
-        kinds: how its groups of objects were built, for instance "bridge".
-        container: what it stands on or in.
-        tries: how often it was drawn.
+        kinds: kind of each group of objects, for instance "bridge".
+        container: support of the objects.
+        tries: number of scenes that were drawn until this one settled.
     """
 
     object_ids: tuple[int, ...]
@@ -62,11 +62,11 @@ class GeneratedScene:
 
 
 def check_scene_config(library: ObjectLibrary, config: SceneConfig) -> None:
-    """Says whether scenes of this kind can be made of a library.
+    """Checks that scenes of this kind can be made of a library.
 
     Raises:
-        InputError: where the level, the number of objects or an object's size cannot
-            be.
+        InputError: if the level, the number of objects or an object's size is
+            impossible.
     """
     if config.level < 1:
         raise InputError(
@@ -82,14 +82,14 @@ def check_scene_config(library: ObjectLibrary, config: SceneConfig) -> None:
         raise InputError(
             "levels",
             f"{config.level} needs {config.level} objects that depend on each other, "
-            f"scenes have at most {config.max_objects}",
+            f"but scenes have at most {config.max_objects}",
             "allow more objects, or leave this level out",
         )
     if config.max_objects > len(library) and not config.repeats:
         raise InputError(
             "objects",
-            f"asks for up to {config.max_objects}, {library.source} has "
-            f"{len(library)} and each is used once a scene",
+            f"asks for up to {config.max_objects}, but {library.source} has "
+            f"{len(library)} and each is used once in a scene",
             "ask for fewer, or add models",
         )
     container = load_container(config.container)
@@ -97,8 +97,8 @@ def check_scene_config(library: ObjectLibrary, config: SceneConfig) -> None:
         if model.diameter > container.largest_object:
             raise InputError(
                 model.source if model.source.name else model.name,
-                f"is {model.diameter:.2f} m across, the {container.name} takes "
-                f"objects of {container.largest_object:.2f} m",
+                f"is {model.diameter:.2f} m across, but the {container.name} takes "
+                f"objects of up to {container.largest_object:.2f} m",
                 "leave the model out, or check its unit",
             )
 
@@ -112,14 +112,14 @@ def generate_scene(
     """Makes one scene; the same arguments make the same one.
 
     Args:
-        library: the objects to draw from.
-        config: what scene.
-        seed: of all random choices.
-        model_files: Drake models of all objects, where they have been written.
+        library: objects to draw from.
+        config: settings of the scene.
+        seed: seed of all random choices.
+        model_files: SDF file of each object by its id; None to write them first.
 
     Raises:
-        InputError: see `check_scene_config`; or where a model is there no more.
-        PhysimError: where no try succeeds.
+        InputError: as `check_scene_config`, or if a model no longer exists.
+        PhysimError: if no try succeeds.
     """
     check_scene_config(library, config)
     if model_files is None:
@@ -156,7 +156,7 @@ def _draw_objects(
     model_files: Mapping[int, Path],
     rng: np.random.Generator,
 ) -> tuple[ScenePlant, tuple[int, ...]]:
-    """Some of the objects, and a plant of them."""
+    """A plant of some of the objects, and their ids."""
     fewest = max(config.min_objects, config.level)
     count = rng.integers(fewest, config.max_objects + 1)
     rounds = -(-int(count) // len(library))
@@ -174,7 +174,7 @@ def _draw_objects(
 
 
 def _settling(config: SceneConfig) -> SettlingConfig:
-    """A pile takes longer to come to rest, and weighs on what is below."""
+    """Settings for the level: a pile settles more slowly and penetrates deeper."""
     settling = config.settling
     if config.level <= MAX_LEVEL:
         return settling
@@ -198,7 +198,7 @@ def _try_scene(
     for n in range(len(ids)):
         plant.park(n)
     kinds = Placer(plant, container, rng).place(_groups(len(ids), config.level))
-    _check_level(plant.settle(), config)  # leaving a wrong one alone is no use
+    _check_level(plant.settle(), config)  # no use holding a wrong one
     rest = plant.hold()
     edges, levels = _check_level(rest, config)
     _check_inside(plant, rest, container)
@@ -206,7 +206,7 @@ def _try_scene(
 
 
 def _room(name: ContainerName, count: int) -> Container:
-    """The container; of a table, more is used for more objects."""
+    """The container; on a table, more objects get a wider area."""
     container = load_container(name)
     if name is not ContainerName.TABLE:
         return container
@@ -217,7 +217,7 @@ def _room(name: ContainerName, count: int) -> Container:
 def _check_level(
     rest: RestingScene, config: SceneConfig
 ) -> tuple[tuple[Pair, ...], tuple[int, ...]]:
-    """Contacts and levels; rejects a scene that has not the level asked for."""
+    """Contacts and levels; rejects a scene of another level than was asked for."""
     pile = config.level > MAX_LEVEL
     edges = _check_edges(rest, config, clear=not pile)
     if pile and largest_group(len(rest.X_WO), edges) < _PILE_SHARE * config.level:
@@ -236,9 +236,9 @@ def _groups(count: int, level: int) -> list[Sequence[int]]:
 def _check_edges(
     rest: RestingScene, config: SceneConfig, *, clear: bool
 ) -> tuple[Pair, ...]:
-    """Who touches whom; rejects a scene where this is to be clear and is not.
+    """Pairs of objects in contact; if `clear`, rejects a scene with an unclear pair.
 
-    In a pile some always nearly touch, and its level does not hang on them.
+    In a pile some objects always nearly touch, and its level does not depend on them.
     """
     settling = config.settling
     between = {pair: d for pair, d in rest.distances.items() if pair[0] >= 0}
@@ -248,7 +248,7 @@ def _check_edges(
 
 
 def _check_inside(plant: ScenePlant, rest: RestingScene, container: Container) -> None:
-    """Rejects a scene where part of an object lies outside the area for objects."""
+    """Rejects a scene if part of an object lies outside the area for objects."""
     limit = container.half_extents
     for model, X_WO in zip(plant.objects, rest.X_WO, strict=True):
         points = model.mesh.vertices @ X_WO[:3, :3].T + X_WO[:3, 3]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Puts objects where they will depend on each other, or not, once they settle.
+"""Places objects so that they depend on each other, or not, once they settle.
 
 Random drops rarely make a bridge or a stack, so groups are built: an object is brought
-over or beside another one and moved until it touches. Physics then has the last word.
+over or beside another one and moved until it touches. Physics then decides.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from physim_drake.poses import Array, make_pose
 from physim_drake.scenes.plant import CONTAINER, ScenePlant
 from physim_drake.scenes.resting_poses import RestingShape, resting_shape, turned
 
-_GAP = 1e-4  # m; objects are brought this close
-_LOOK = 0.05  # m; how far distances are looked up
+_GAP = 1e-4  # m, to which objects are brought near
+_LOOK = 0.05  # m, up to which distances are computed
 _CLEARANCE = 0.012  # m, between objects that do not depend on each other
 _BESIDE = 0.02  # m, first gap to an object that is then approached
 _SINGLE_TRIES = 40
 _MAX_RISE = 0.6  # sine of the steepest slope of an object that leans
 
-# How often each way of building is tried, in the order of `Placer.place`.
+# Probabilities of the ways to build a group, in the order of `Placer.place`.
 _WEIGHTS = {
     1: (1.0,),
     2: (0.35, 0.35, 0.2, 0.1),
@@ -36,16 +36,16 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class NotPlacedError(Exception):
-    """There was no room for an object; the message says which."""
+    """There was no room for an object, which the message names."""
 
 
 class Placer:
     """Places the objects of one scene.
 
     Args:
-        plant: the scene, all objects parked.
-        container: what they stand on or in.
-        rng: source of all choices.
+        plant: plant of the scene, with all objects parked.
+        container: support of the objects.
+        rng: source of all random choices.
     """
 
     def __init__(
@@ -60,14 +60,14 @@ class Placer:
         """Places groups of objects, each apart from the others.
 
         Args:
-            groups: indices of the objects that are to depend on each other; more than
+            groups: indices of the objects that shall depend on each other; more than
                 three make a pile.
 
         Returns:
-            how each group was built.
+            kind of each group.
 
         Raises:
-            NotPlacedError: where there is no room.
+            NotPlacedError: if there is no room.
         """
         builders: dict[int, dict[str, Callable[..., None]]] = {
             1: {"single": self._build_single},
@@ -121,9 +121,9 @@ class Placer:
         self._put_on(b, c)
 
     def _build_bridge(self, a: int, b: int, c: int) -> None:
-        """Two of like height with a gap, and the third across."""
+        """Two objects of similar height with a gap, and the third across."""
         self._build_single(a)
-        R_b = self._of_like_height(b, self._half_height(a))
+        R_b = self._of_similar_height(b, self._half_height(a))
         direction = self._bearing()
         R_c = self._along(c, direction)
         gap = self._rng.uniform(0.2, 0.5) * self._shapes[c].half_width(R_c, direction)
@@ -145,7 +145,7 @@ class Placer:
         self._drop_near(a, c)
 
     def _build_pile(self, group: Sequence[int]) -> None:
-        """Each is brought down near the first, onto what is there already."""
+        """Each object is lowered near the first, onto those that are there already."""
         x, y = np.eye(3)[:2]
         R_WO = {k: self._shapes[k].draw(self._rng) for k in group}
         area = sum(
@@ -245,7 +245,7 @@ class Placer:
     ) -> None:
         """Moves object `k` until it touches an obstacle, at most `limit` m.
 
-        Conservative advancement: it can always go as far as the nearest body is.
+        Conservative advancement: a step by the distance of the nearest body is safe.
         """
         moved = 0.0
         while moved < limit:
@@ -264,7 +264,7 @@ class Placer:
     def _half_height(self, k: int) -> float:
         return self._shapes[k].half_width(self._R[k], UP)
 
-    def _of_like_height(self, k: int, half_height: float) -> Array:
+    def _of_similar_height(self, k: int, half_height: float) -> Array:
         """The resting orientation of `k` whose half height is nearest, turned."""
         options = self._shapes[k].R_WO
         if len(options) == 0:

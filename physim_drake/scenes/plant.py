@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""All objects of a scene free together in one MultibodyPlant.
+"""All objects of a scene as free bodies of one MultibodyPlant.
 
-It answers how far apart bodies are, which placement uses, and lets the scene come to
-rest. Contact is hydroelastic: objects compliant, container rigid and on a body welded
-to the world (geometry on the world body itself can crash Drake 1.51).
+It gives the distances of bodies, which placement uses, and lets the scene come to rest.
+Contact is hydroelastic: objects are compliant, the container is rigid and belongs to a
+body welded to the world (geometry on the world body itself can crash Drake 1.51).
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _QUIET_CHECKS = 2  # one could be the turning point of a swing
 
 @dataclass(frozen=True)
 class RestingScene:
-    """Where the objects of a scene rest.
+    """Poses and distances of the objects of a scene at rest.
 
     Attributes:
-        X_WO: their poses, (N, 4, 4).
-        distances: between bodies that are near each other, m; negative where they
-            penetrate; `CONTAINER` stands for the container.
-        time: simulated until they rested, s.
+        X_WO: poses of the objects, (N, 4, 4), m.
+        distances: distance of each pair of bodies that are near each other, m;
+            negative if they penetrate; `CONTAINER` stands for the container.
+        time: simulated time until they rested, s.
     """
 
     X_WO: Array
@@ -53,17 +53,17 @@ class RestingScene:
 
 
 class NotAtRestError(Exception):
-    """A scene did not come to rest within its limits; the message says why."""
+    """A scene did not come to rest within its limits, for the reason in the message."""
 
 
 class ScenePlant:
-    """The objects of one scene and their container; objects begin far away.
+    """The objects of one scene and their container; objects are parked at first.
 
     Args:
-        objects: the objects, each once.
-        model_files: their Drake models, as `write_drake_model` writes them.
-        container: what they stand on or in.
-        config: how they come to rest.
+        objects: models of the objects.
+        model_files: their SDF files, as `write_drake_model` writes them.
+        container: support of the objects.
+        config: settings of the settling.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class ScenePlant:
         plant, scene_graph = _empty_plant(builder, config)
         self._plant, self._graph = plant, scene_graph
         parser = Parser(plant)
-        parser.SetAutoRenaming(True)  # an object may be there twice
+        parser.SetAutoRenaming(True)  # an object may occur twice
         (instance,) = parser.AddModels(container.sdf)
         plant.WeldFrames(
             plant.world_frame(), plant.GetBodyByName("body", instance).body_frame()
@@ -145,7 +145,7 @@ class ScenePlant:
         """Lets all objects move, damped, until they rest.
 
         Raises:
-            NotAtRestError: where they do not in time, or penetrate.
+            NotAtRestError: if they do not rest in time, or penetrate.
         """
         config = self._config
         try:
@@ -162,10 +162,10 @@ class ScenePlant:
         return self._resting_scene()
 
     def hold(self) -> RestingScene:
-        """Leaves a settled scene alone, without damping, and sees whether it stays.
+        """Simulates a settled scene without damping, and checks that it stays.
 
         Raises:
-            NotAtRestError: where an object moves again.
+            NotAtRestError: if an object moves again.
         """
         limits = self._config.limits
         start = self.poses()

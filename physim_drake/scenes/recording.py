@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""One scene from its number to its folder.
+"""Makes one scene with its images, and writes its folder.
 
-What a scene is depends on the seed of the dataset and its own number alone, so that
-workers can share the scenes out in any way.
+A scene depends only on the seed of the dataset and its own number, so that any worker
+can make it.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ _MAX_REDRAWS = 20
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """A dataset to generate.
+    """Settings of a dataset.
 
     Attributes:
-        seed: of all random choices.
-        levels: scene `n`, from 1, gets the level at (n - 1) modulo their number.
-        min_objects: fewest objects a scene.
-        max_objects: most objects a scene.
-        container: what they stand on or in.
-        views: images a scene.
-        view: how they are taken.
+        seed: seed of all random choices.
+        levels: interaction levels, which the scenes take in turn.
+        min_objects: least number of objects in a scene.
+        max_objects: greatest number of objects in a scene.
+        container: support of the objects.
+        views: number of images of a scene.
+        view: settings of the images.
     """
 
     seed: int = 0
@@ -77,7 +77,7 @@ class DatasetConfig:
 
 @dataclass(frozen=True)
 class SceneRecord:
-    """A scene, its images and what a detector would say of them."""
+    """A scene, its images and a detector's detections in them."""
 
     scene: GeneratedScene
     views: tuple[SceneView, ...]
@@ -93,14 +93,14 @@ def record_scene(
     """Makes scene `scene_id` of a dataset and its images.
 
     Args:
-        library: the objects to draw from.
-        config: of the dataset.
-        scene_id: from 1.
-        model_files: Drake models of the objects, beside each its visual OBJ.
+        library: objects to draw from.
+        config: settings of the dataset.
+        scene_id: number of the scene, from 1.
+        model_files: SDF file of each object by its id; its visual OBJ is beside it.
 
     Raises:
-        InputError: see `check_scene_config`; or where a model is there no more.
-        PhysimError: where no scene, or no view of one, is found.
+        InputError: as `check_scene_config`, or if a model no longer exists.
+        PhysimError: if no scene, or no view of one, is found.
     """
     for redraw in range(_MAX_REDRAWS):
         seeds = np.random.SeedSequence(config.seed, spawn_key=(scene_id, redraw)).spawn(
@@ -129,8 +129,8 @@ def write_scene(
     """Writes scene `scene_id` below `split`, whole or not at all.
 
     Raises:
-        InputError: where it cannot be written.
-        PhysimError: see `record_scene`.
+        InputError: if it cannot be written.
+        PhysimError: as `record_scene`.
     """
     record = record_scene(library, config, scene_id, model_files)
     with fill_folder(split / f"{scene_id:06d}") as scratch:
@@ -176,7 +176,7 @@ def _look_at(
         views.append(view)
         detections.append(_detections(view, scene.object_ids, view_config, rng))
     if view_config.vivid:
-        # Drake's renderers are parts of cycles that hold memory Python does not see.
+        # Drake's renderers are in cycles that hold memory Python does not see.
         gc.collect()
     return SceneRecord(scene, tuple(views), tuple(detections))
 

@@ -18,12 +18,12 @@ _MIN_PROBABILITY = 0.02  # rarer orientations are barely stable
 
 @dataclass(frozen=True)
 class RestingShape:
-    """An object's outline and how it can lie.
+    """An object's outline and the orientations in which it rests.
 
     Attributes:
-        outline: p_OP (N, 3), m, corners of its convex hull.
-        R_WO: orientations in which it rests on a plane, (K, 3, 3); none for a ball.
-        probability: of each after a drop, (K,), sums to 1.
+        outline: corners of its convex hull, p_OP (N, 3), m.
+        R_WO: orientations in which it rests on a plane, (K, 3, 3); empty for a ball.
+        probability: probability of each after a drop, (K,), with the sum 1.
     """
 
     outline: Array
@@ -54,7 +54,7 @@ def turned(R_WO: Array, angle: float) -> Array:
 
 @cache
 def resting_shape(model: ObjectModel) -> RestingShape:
-    """Finds how an object can lie, from the hull of its collision pieces.
+    """Finds the orientations in which the hull of an object's collision pieces rests.
 
     The probability of a face is the solid angle under which its catchment area is seen
     (Goldberg et al., "Part pose statistics", IJRR 1999, as trimesh computes it).

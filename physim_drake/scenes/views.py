@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Looks at a scene: where from, and what is seen."""
+"""Draws camera poses and takes images of a scene."""
 
 from __future__ import annotations
 
@@ -27,28 +27,30 @@ from physim_drake.sensors.presets import PRESETS, CameraName, CameraPreset
 
 Masks = NDArray[np.bool_]
 
-_FEW_OBJECTS = 6  # that are seen from anywhere
+_FEW_OBJECTS = 6  # that the camera sees from its usual distance
 _WIDTH = 0.45  # m; more objects, on a wider area, are looked at from farther
 
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """How scenes are looked at.
+    """Settings of the images of a scene.
 
     Attributes:
-        camera: which preset.
-        noise: whether the camera errs; its images are perfect otherwise.
-        min_visible: every object shows at least this share of its silhouette.
-        distance: range from the camera to the middle of the objects, m; where more
-            than six of them spread wide, it grows with the width.
-        max_roll: of the camera about its axis, rad.
-        max_tries: a view that hides or cuts off an object is drawn again, this often.
-        box_jitter: detected boxes are off by up to this share of their size, a side.
+        camera: name of the camera preset.
+        noise: True for a camera with noise, False for perfect images.
+        min_visible: least share of its silhouette that every object shows.
+        distance: range from the camera to the middle of the objects, m; it grows with
+            the width if more than six objects spread wide.
+        max_roll: greatest roll of the camera about its axis, rad.
+        max_tries: greatest number of views that are drawn until one shows every object
+            whole.
+        box_jitter: greatest error of each side of a detected box, as a share of its
+            size.
         height: range of the camera's height, m, within the container's elevations;
             replaces `distance`.
-        vivid: lights, surfaces and a room are drawn from a wide range, anew for each
-            view, to learn from; else one appearance as of a laboratory is kept.
-        distractors: a vivid view has up to this many things beside the objects.
+        vivid: True to draw lights, surfaces and a room from a wide range for each
+            view, as training needs; otherwise all views share one plain appearance.
+        distractors: greatest number of other shapes in a vivid view.
     """
 
     camera: CameraName = CameraName.D415
@@ -70,14 +72,14 @@ class ViewConfig:
 
 @dataclass(frozen=True)
 class SceneView:
-    """One image of a scene with all that is true of it.
+    """One image of a scene with its ground truth.
 
     Attributes:
-        observation: what the camera delivers; X_WC is exact.
-        true_depth: without the camera's errors, (height, width), m.
-        X_CO: poses of the objects in the camera, (N, 4, 4).
-        silhouettes: pixels each object would cover alone, (N, height, width).
-        visible: pixels where it is seen, (N, height, width).
+        observation: the image with its camera; X_WC is exact.
+        true_depth: depth without noise, (height, width), m.
+        X_CO: poses of the objects in the camera, (N, 4, 4), m.
+        silhouettes: pixels that each object would cover alone, (N, height, width).
+        visible: pixels that show each object, (N, height, width).
     """
 
     observation: RgbdObservation
@@ -88,7 +90,7 @@ class SceneView:
 
     @property
     def visible_fractions(self) -> Array:
-        """Visible share of each silhouette, (N,), 0 where there is none."""
+        """Visible share of each silhouette, (N,); 0 if the silhouette is empty."""
         seen, all_ = self.visible.sum(axis=(1, 2)), self.silhouettes.sum(axis=(1, 2))
         return np.asarray(seen / np.maximum(all_, 1))
 
@@ -127,7 +129,7 @@ def draw_camera(
 
 
 def _farther(scene: GeneratedScene) -> float:
-    """By how much the camera stands back, so that all of a wide scene is seen."""
+    """Factor of the distance with which the camera sees the whole of a wide scene."""
     if len(scene.object_ids) <= _FEW_OBJECTS:
         return 1.0
     return max(1.0, float(np.ptp(scene.X_WO[:, :2, 3], axis=0).max()) / _WIDTH)
@@ -139,10 +141,10 @@ def find_view(
     config: ViewConfig,
     rng: np.random.Generator,
 ) -> Array:
-    """A pose X_WC (4, 4) from which every object is wholly in the image and shows.
+    """A pose X_WC (4, 4) from which every object is visible and whole in the image.
 
     Raises:
-        NotSeenError: where none is found.
+        NotSeenError: if no such pose is found.
     """
     container = load_container(scene.container)
     for _ in range(config.max_tries):
@@ -169,12 +171,12 @@ def render_view(
 
     Args:
         scene: the scene.
-        renderer: of its objects, see `make_renderer`.
-        X_WC: camera pose, (4, 4).
-        rng: source of the camera's errors.
-        camera: intrinsics, and depth noise where that is not given.
-        depth_noise: replaces the camera's.
-        color_noise: None for a perfect colour image.
+        renderer: renderer of its objects, from `make_renderer`.
+        X_WC: camera pose, (4, 4), m.
+        rng: source of the camera's noise.
+        camera: intrinsics and depth noise of the camera.
+        depth_noise: noise that replaces the camera's.
+        color_noise: noise of the colour image; None for a perfect one.
     """
     noise = camera.noise if depth_noise is None else depth_noise
     images = renderer.render(scene.X_WO, X_WC, camera.intrinsics)
@@ -213,14 +215,14 @@ def make_vivid_renderer(
     distractors: int,
     rng: np.random.Generator,
 ) -> SceneRenderer:
-    """A renderer of a scene with other lights, surfaces and things around each time.
+    """A renderer of a scene with random lights, surfaces and surroundings.
 
     Args:
         scene: the scene.
         visuals: textured OBJ files of its objects.
-        objects: their models.
-        distractors: up to this many.
-        rng: source of all choices.
+        objects: models of its objects.
+        distractors: greatest number of other shapes.
+        rng: source of all random choices.
     """
     circles = []
     for model, X_WO in zip(objects, scene.X_WO, strict=True):
@@ -247,7 +249,7 @@ def jittered_detections(
 def jittered_boxes(
     masks: Masks, object_ids: Sequence[int], jitter: float, rng: np.random.Generator
 ) -> list[Detection]:
-    """The boxes of masks (N, height, width), disturbed as in `jittered_detections`."""
+    """The boxes of masks (N, height, width), jittered like `jittered_detections`."""
     height, width = masks.shape[1:]
     limits = np.array([width, height, width, height], dtype=float)
     detections = []
@@ -269,5 +271,5 @@ def _masks(
         [renderer.silhouette(n, scene.X_WO, X_WC, camera.intrinsics) for n in count]
     )
     visible = labels == np.arange(len(count))[:, None, None]
-    # An edge pixel may fall to either side when an object is drawn alone.
+    # An edge pixel may be missing when an object is drawn alone.
     return silhouettes | visible, visible

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Files: written whole, read with errors that name the place."""
+"""Writes files whole, and reads them with errors that name the place."""

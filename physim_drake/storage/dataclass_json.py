@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Dataclasses as JSON and back, each number to the last digit."""
+"""Converts dataclasses to JSON and back; numbers keep every digit."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ T = TypeVar("T")
 
 
 def to_plain(value: Any) -> Any:
-    """What JSON knows for a value of a dataclass.
+    """Converts a dataclass to values that JSON has.
 
     Args:
         value: a dataclass, enumeration, array, mapping with keys of text, sequence,
-            number, text or None, and so on within.
+            number, text or None; its members are of these types as well.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = [f.name for f in dataclasses.fields(value)]
@@ -39,14 +39,14 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(node: JsonNode, schema: type[T]) -> T:
-    """The value of a dataclass that `to_plain` was given.
+    """Converts what `to_plain` returned back to the dataclass.
 
     Args:
-        node: what it returned, read from a file.
+        node: the converted value, read from a file.
         schema: the dataclass.
 
     Raises:
-        InputError: where the file does not hold such a value.
+        InputError: if the node does not hold such a value.
     """
     hints = typing.get_type_hints(schema)
     members = _members(node)
@@ -57,9 +57,9 @@ def from_plain(node: JsonNode, schema: type[T]) -> T:
 
 
 def _members(node: JsonNode) -> dict[str, JsonNode]:
-    """Those of an object; they may be null."""
+    """Members of an object, which may be null."""
     if not isinstance(node.value, dict):
-        node.fail("is no object {...}")
+        node.fail("is not an object {...}")
     start = f"{node.place}." if node.place else ""
     return {
         name: JsonNode(value, node.source, start + name)
@@ -91,7 +91,7 @@ def _tuple(node: JsonNode, hints: tuple[Any, ...]) -> tuple[Any, ...]:
     if len(hints) == 2 and hints[1] is Ellipsis:
         hints = hints[:1] * len(items)
     if len(items) != len(hints):
-        node.fail(f"is a list of {len(items)}", f"it must be one of {len(hints)}")
+        node.fail(f"is a list of {len(items)}", f"it must be a list of {len(hints)}")
     return tuple(_read(i, hint) for i, hint in zip(items, hints, strict=True))
 
 
@@ -99,7 +99,7 @@ def _array(node: JsonNode) -> np.ndarray[Any, np.dtype[np.float64]]:
     try:
         return np.array(node.value, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        node.fail("is no array of numbers")
+        node.fail("is not an array of numbers")
 
 
 def _scalar(node: JsonNode, kind: type) -> Any:
@@ -108,9 +108,9 @@ def _scalar(node: JsonNode, kind: type) -> Any:
         try:
             return kind(value)
         except ValueError:
-            node.fail(f"is none of {', '.join(str(m.value) for m in kind)}")
+            node.fail(f"is not one of {', '.join(str(m.value) for m in kind)}")
     if kind is float and type(value) is int and abs(value) < 1 << 53:
         return float(value)
     if type(value) is not kind:
-        node.fail(f"is no {kind.__name__}")
+        node.fail(f"is not of type {kind.__name__}")
     return value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writing files so that a reader never sees half of one."""
+"""Writes files so that a reader never sees half of one."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def cannot_write(path: Path, error: OSError) -> InputError:
     """The `InputError` that says why `path` cannot be written."""
     remedy = "choose a path in a folder that exists and is writable"
     if error.errno in _FULL:
-        remedy = "make room there, or choose a place that has some (for temporary "
-        remedy += "files, with the variable TMPDIR)"
+        remedy = "free some space there, or choose another place (for temporary files, "
+        remedy += "with the variable TMPDIR)"
     return InputError(path, f"cannot be written: {error.strerror or error}", remedy)
 
 
 def check_writable(path: Path) -> None:
-    """Sees whether a file could be made, before the work whose result it is to hold.
+    """Checks that a file can be made, before the work whose result it shall hold.
 
     Raises:
-        InputError: where it could not.
+        InputError: if it cannot be made.
     """
     if not is_written_straight(path):
         try:
@@ -44,14 +44,14 @@ def check_writable(path: Path) -> None:
 
 @contextmanager
 def reading(paths: Iterable[Path]) -> Iterator[None]:
-    """Names the file for want of which the block fails, if that is why.
+    """Names the missing file if the block fails because a file was removed.
 
     Args:
-        paths: files of a run that a library reads, which raises no more than
-            `RuntimeError`, as Drake does.
+        paths: files that are read by a library that only raises `RuntimeError`, as
+            Drake does.
 
     Raises:
-        InputError: where one of them is there no more.
+        InputError: if the block fails and one of them no longer exists.
     """
     try:
         yield
@@ -65,10 +65,10 @@ def reading(paths: Iterable[Path]) -> Iterator[None]:
 
 
 def make_folder(folder: Path) -> None:
-    """Makes a folder, and those above it, unless it is there.
+    """Makes a folder and those above it, unless it exists.
 
     Raises:
-        InputError: where that cannot be done.
+        InputError: if it cannot be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -88,21 +88,20 @@ def write_atomically(path: Path, mode: Literal["wb"]) -> Iterator[IO[bytes]]: ..
 
 @contextmanager
 def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
-    """Gives a file to write that replaces `path` only when the block ends well.
+    """Gives a file to write that replaces `path` only if the block does not raise.
 
     The text (UTF-8, lines end in a plain newline) or bytes go to a temporary file in
-    the same folder, are flushed to the disk and renamed. When the block raises, `path`
-    stays what it was and the temporary file is removed. A writer that is killed leaves
-    its temporary file to the next one that writes `path`, which removes it. Symbolic
-    links are followed; a pipe, or anything below /dev such as /dev/stdout, is written
-    straight.
+    the same folder, are flushed to the disk and renamed. If the block raises, `path`
+    stays as it was and the temporary file is removed. If the process is killed, the
+    next one that writes `path` removes the temporary file. Symbolic links are followed.
+    A pipe, or anything below /dev such as /dev/stdout, is written directly.
 
     Args:
-        path: the file to create or replace.
+        path: file to create or replace.
         mode: "w" for text or "wb" for bytes.
 
     Raises:
-        InputError: where the folder or the file cannot be written.
+        InputError: if the folder or the file cannot be written.
     """
     target = Path(os.path.realpath(path))
     direct = is_written_straight(path)
@@ -123,28 +122,28 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
                 os.fsync(file.fileno())
                 os.replace(scratch, target)
     except OSError as error:
-        # An error of another file, raised inside the block, is not about this one.
+        # The block may raise an error that is about another file.
         if error.filename not in (None, str(scratch), str(path)):
             raise
         raise cannot_write(path, error) from error
     finally:
         if not direct:
-            with suppress(OSError):  # gone after the rename, or never made
+            with suppress(OSError):  # it was renamed, or never made
                 scratch.unlink()
 
 
 @contextmanager
 def fill_folder(folder: Path) -> Iterator[Path]:
-    """Gives a folder to fill that becomes `folder` only when the block ends well.
+    """Gives a folder to fill that becomes `folder` only if the block does not raise.
 
-    When the block raises, what it wrote is removed; a process that is killed leaves it,
+    If the block raises, what it wrote is removed. If the process is killed, it stays
     under a name that begins with a dot and ends in ".tmp".
 
     Args:
-        folder: must not exist, or be empty.
+        folder: folder to make; it must not exist, or be empty.
 
     Raises:
-        InputError: where it cannot be written.
+        InputError: if it cannot be written.
     """
     scratch = folder.with_name(f"{_prefix(folder)}{secrets.token_hex(4)}.tmp")
     try:
@@ -152,7 +151,7 @@ def fill_folder(folder: Path) -> Iterator[Path]:
         yield scratch
         os.rename(scratch, folder)
     except OSError as error:
-        # An error of another file, raised inside the block, is not about this one.
+        # The block may raise an error that is about another file.
         if error.filename and not Path(error.filename).is_relative_to(scratch):
             raise
         raise cannot_write(folder, error) from error
@@ -161,20 +160,20 @@ def fill_folder(folder: Path) -> Iterator[Path]:
 
 
 def is_written_straight(path: Path) -> bool:
-    """Whether a path leads to a pipe, say, that no file can take the place of."""
+    """Whether a path leads to a pipe or device, which a file cannot replace."""
     return path.parts[:2] == ("/", "dev") or (path.exists() and not path.is_file())
 
 
 def _prefix(target: Path) -> str:
-    """How the names of a file's temporary files begin."""
+    """Prefix of the names of a file's temporary files."""
     return f".{target.name[:64]}."
 
 
 def _hold(descriptor: int) -> bool:
-    """Locks a file for as long as it is open; False where another process has."""
+    """Locks a file while it is open; False if another process holds the lock."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # or where the file system has no locks
+    except OSError:  # another process holds it, or the file system has no locks
         return False
     return True
 

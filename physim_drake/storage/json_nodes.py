@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""JSON files read value by value, each check naming the file and the field."""
+"""Reads JSON files value by value; each check names the file and the field."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ MAX_ID = 999_999
 
 @dataclass(frozen=True)
 class JsonNode:
-    """A value of a JSON file that knows where it stands.
+    """A value of a JSON file with its place in it.
 
     Attributes:
-        value: as `json` gives it.
-        source: the file.
-        place: the way to it from the root, for instance ``[3].bbox``.
+        value: value as `json` returns it.
+        source: path of the file.
+        place: path from the root to the value, for instance ``[3].bbox``.
     """
 
     value: Any
@@ -43,14 +43,14 @@ class JsonNode:
         raise InputError(self.source, problem, remedy, self.place or None)
 
     def __getitem__(self, key: str) -> JsonNode:
-        """The member `key` of an object; raises `InputError` where there is none."""
+        """The member `key` of an object; raises `InputError` if it is missing."""
         member = self.get(key)
         if member is None:
             self.fail(f'has no "{key}"', f'add the field "{key}" as BOP describes it')
         return member
 
     def get(self, key: str) -> JsonNode | None:
-        """The member `key` of an object, or None where it is absent or null."""
+        """The member `key` of an object, or None if it is absent or null."""
         if not isinstance(self.value, dict):
             self.fail(f"is {_show(self.value)}", "it must be an object {...}")
         value = self.value.get(key)
@@ -61,7 +61,7 @@ class JsonNode:
         """The members of an object whose keys are ids, in ascending order.
 
         Raises:
-            InputError: where a key is no id, or two keys are the same id.
+            InputError: if a key is not an id, or two keys are the same id.
         """
         if not isinstance(self.value, dict):
             self.fail(f"is {_show(self.value)}", "it must be an object keyed by ids")
@@ -114,7 +114,7 @@ class JsonNode:
 
 
 def read_json(path: Path) -> JsonNode:
-    """Reads a JSON file; raises `InputError` naming the line where it is malformed."""
+    """Reads a JSON file; if it is malformed, raises `InputError` with the line."""
     text = read_text(path, MAX_JSON_BYTES, "JSON")
     try:
         return JsonNode(parse_json(text), path)
@@ -135,8 +135,8 @@ def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text.
 
     Raises:
-        ValueError: where it is malformed, gives a key twice, or holds NaN.
-        RecursionError: where it is nested some thousand deep.
+        ValueError: if it is malformed, gives a key twice, or holds NaN.
+        RecursionError: if it is nested some thousand deep.
     """
     return json.loads(
         text, parse_constant=_reject_constant, object_pairs_hook=_without_repeats
@@ -152,7 +152,7 @@ def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _reject_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no JSON number")
+    raise ValueError(f"{name} is not a JSON number")
 
 
 def _as_float(value: object) -> float | None:

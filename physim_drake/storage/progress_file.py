@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Notes of what a long run has done, so that one that was cut off can go on.
+"""Notes about the progress of a long run, so that it can be resumed.
 
-A progress file is JSON lines. The first holds the settings of the run; each other one
-is a note about a piece of its work. A note reaches the disk before the next piece
-begins, so whenever the run is cut off, all whole lines are true; to resume, a line that
-was torn off is cut away.
+A progress file is JSON lines. The first holds the settings of the run, each other one a
+note about a piece of its work. A note reaches the disk before the next piece begins, so
+all whole lines are true whenever the run is interrupted. To resume, a partial last line
+is removed.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ _AGAIN = "run without --resume to begin again"
 
 
 class ProgressFile(Closing):
-    """The progress file of a run, which no other run may write meanwhile.
+    """The progress file of a run, locked against other runs.
 
     Args:
-        path: the file; is made where there is none.
-        settings: what must be the same in all parts of a run (names and values in
+        path: progress file; it is made if it does not exist.
+        settings: settings that all parts of a run must share (names and values in
             plain text), for instance the seed.
-        results: what the run writes, for a message.
+        results: file or folder that the run writes, for messages.
 
     Attributes:
-        path: as given.
+        path: progress file.
 
     Raises:
-        InputError: where the file cannot be written, or another run is writing it.
+        InputError: if the file cannot be written, or another run is writing it.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, str], results: Path) -> None:
@@ -52,16 +52,16 @@ class ProgressFile(Closing):
             raise
 
     def go_on(self, resume: bool) -> list[JsonNode]:
-        """Begins, or goes on where an earlier run has begun.
+        """Begins, or resumes an earlier run.
 
         Args:
-            resume: whether to go on; else what is there is forgotten.
+            resume: True to resume an earlier run, False to drop its notes.
 
         Returns:
             the earlier run's notes.
 
         Raises:
-            InputError: see `recover`, `begin`.
+            InputError: as `recover` and `begin`.
         """
         notes = self.recover() if resume else None
         if notes is None:
@@ -69,13 +69,13 @@ class ProgressFile(Closing):
         return notes or []
 
     def recover(self) -> list[JsonNode] | None:
-        """Reads what an earlier run noted; None where it noted no settings.
+        """Reads an earlier run's notes; None if it did not note its settings.
 
         Raises:
-            InputError: where it had other settings, or the file is damaged.
+            InputError: if it had other settings, or the file is damaged.
         """
         self._file.seek(0)
-        # What follows the last line end was torn off; it is cut away as well.
+        # What follows the last line end is a partial line, which is removed.
         whole = self._file.read().rpartition(b"\n")[0]
         lines = whole.split(b"\n") if whole else []
         notes = [self._parse(number, line) for number, line in enumerate(lines, 1)]
@@ -85,10 +85,10 @@ class ProgressFile(Closing):
         return notes[1:] if notes else None
 
     def clear(self) -> None:
-        """Forgets everything.
+        """Removes everything.
 
         Raises:
-            InputError: where the file cannot be written.
+            InputError: if the file cannot be written.
         """
         try:
             self._file.truncate(0)
@@ -96,10 +96,10 @@ class ProgressFile(Closing):
             raise cannot_write(self.path, error) from error
 
     def begin(self) -> None:
-        """Forgets everything and writes the settings.
+        """Removes everything and writes the settings.
 
         Raises:
-            InputError: see `add`.
+            InputError: as `add`.
         """
         self.clear()
         self.add({"settings": self._settings})
@@ -108,16 +108,16 @@ class ProgressFile(Closing):
         """Writes a note; it is on the disk when this returns.
 
         Raises:
-            InputError: where the disk is full, or the file cannot be written.
+            InputError: if the disk is full, or the file cannot be written.
         """
         append(self._file, self.path, json.dumps(note) + "\n")
 
     def check_in_place(self) -> None:
-        """Raises `InputError` where what is written would reach no one."""
+        """Raises `InputError` if the file was removed or replaced."""
         check_in_place(self._file, self.path)
 
     def close(self) -> None:
-        """Closes the file; it stays, for a later --resume."""
+        """Closes the file, which stays for a later --resume."""
         self._file.close()
 
     def _parse(self, number: int, line: bytes) -> JsonNode:
@@ -129,7 +129,7 @@ class ProgressFile(Closing):
             ) from None
 
     def _compare_settings(self, node: JsonNode) -> None:
-        """Raises `InputError` where the earlier run had other settings."""
+        """Raises `InputError` if the earlier run had other settings."""
         earlier = node.value if isinstance(node.value, dict) else {}
         for name in sorted({*earlier, *self._settings}):
             was, now = earlier.get(name), self._settings.get(name)
@@ -143,10 +143,10 @@ class ProgressFile(Closing):
 
 
 def open_to_append(path: Path) -> FileIO:
-    """Opens a file that grows; makes it where there is none.
+    """Opens a file to append to; makes it if it does not exist.
 
     Raises:
-        InputError: where it cannot be written.
+        InputError: if it cannot be written.
     """
     try:
         # Unbuffered, so that closing has nothing left to write that could fail.
@@ -159,15 +159,15 @@ def append(file: FileIO, path: Path, text: str) -> int:
     """Appends a text and waits until it is on the disk.
 
     Args:
-        file: from `open_to_append`.
-        path: of it, for a message.
-        text: what to append; where not all of it can be written, nothing is.
+        file: file from `open_to_append`.
+        path: its path, for messages.
+        text: text to append; if it cannot be written whole, nothing is written.
 
     Returns:
-        the new length of the file in bytes.
+        new length of the file, bytes.
 
     Raises:
-        InputError: where the disk is full, or the file cannot be written.
+        InputError: if the disk is full, or the file cannot be written.
     """
     rest = memoryview(text.encode("utf-8"))
     before = file.seek(0, os.SEEK_END)
@@ -177,14 +177,14 @@ def append(file: FileIO, path: Path, text: str) -> int:
         os.fsync(file.fileno())
         return file.seek(0, os.SEEK_END)
     except OSError as error:
-        # Some of the text must not look like all of it.
+        # A part of the text must not be taken for the whole.
         with suppress(OSError):
             file.truncate(before)
         raise cannot_write(path, error) from error
 
 
 def check_in_place(file: FileIO, path: Path) -> None:
-    """Raises `InputError` where an open file is no longer the one at its path."""
+    """Raises `InputError` if an open file is no longer the one at its path."""
     try:
         there = os.path.samestat(os.stat(path), os.fstat(file.fileno()))
     except OSError:
@@ -202,5 +202,5 @@ def _lock(file: FileIO, results: Path) -> None:
             results, "is being written by another run", "wait, or give another path"
         ) from None
     except OSError:
-        # The file system has no locks; a run alone does not need one.
+        # The file system has no locks. A single run does not need one.
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Temporary folders that do not stay when the process that made them is killed."""
+"""Temporary folders that are removed even if their process is killed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _PREFIX = "physim-drake-"
 class ScratchFolder(Closing):
     """A temporary folder, removed when it is closed or the process ends.
 
-    A process that is killed removes nothing. So each holds a lock on its folder, and
-    whoever makes one removes those that nobody holds any more.
+    A process that is killed removes nothing. So each folder is locked by its process,
+    and whoever makes a new folder removes those that are no longer locked.
 
     Attributes:
-        path: of the folder.
+        path: path of the folder.
     """
 
     def __init__(self) -> None:
@@ -37,10 +37,10 @@ class ScratchFolder(Closing):
 
 
 def _make() -> tuple[Path, int]:
-    """A new folder, and its open file, which holds the lock."""
+    """A new folder, and its open file descriptor, which holds the lock."""
     while True:
         path = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        with suppress(OSError):  # until it is locked it may be taken for abandoned
+        with suppress(OSError):  # before it is locked it may be taken for abandoned
             descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
             if _hold(descriptor, without_locks=True) and path.is_dir():
                 return path, descriptor
@@ -48,11 +48,11 @@ def _make() -> tuple[Path, int]:
 
 
 def _hold(descriptor: int, *, without_locks: bool) -> bool:
-    """Locks a folder; False where another process has.
+    """Locks a folder; False if another process holds the lock.
 
     Args:
-        descriptor: of the folder, open.
-        without_locks: the answer where the file system has no locks.
+        descriptor: open file descriptor of the folder.
+        without_locks: value to return if the file system has no locks.
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -66,7 +66,7 @@ def _hold(descriptor: int, *, without_locks: bool) -> bool:
 def _remove_abandoned(parent: Path) -> None:
     """Removes the folders whose processes have ended."""
     for path in parent.glob(f"{_PREFIX}*"):
-        with suppress(OSError):  # it is gone meanwhile, or another user's
+        with suppress(OSError):  # it was removed meanwhile, or is another user's
             flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW
             descriptor = os.open(path, flags)
             if _hold(descriptor, without_locks=False):

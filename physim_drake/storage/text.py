@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Text from files that may be anything."""
+"""Reads text from files that may hold anything."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def read_text(path: Path, max_bytes: int, kind: str) -> str:
     """Reads a UTF-8 file, with or without a byte order mark, up to a limit.
 
     Args:
-        path: the file; may be a pipe.
-        max_bytes: longer files are refused; no more than this is ever read.
-        kind: what it should be, for messages.
+        path: file to read, which may be a pipe.
+        max_bytes: greatest length of a file; no more than this is ever read.
+        kind: name of the format, for messages.
 
     Raises:
-        InputError: where it cannot be read, is too long, or is not UTF-8.
+        InputError: if it cannot be read, is too long, or is not UTF-8.
     """
     try:
         with path.open("rb") as file:
@@ -27,7 +27,7 @@ def read_text(path: Path, max_bytes: int, kind: str) -> str:
             path, f"cannot be read: {error.strerror or error}", "check the path"
         ) from None
     except ValueError:  # a null character in the name
-        raise InputError(path, "is no path", "check the path") from None
+        raise InputError(path, "is not a path", "check the path") from None
     if len(data) > max_bytes:
         raise InputError(
             path,

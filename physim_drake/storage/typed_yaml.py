@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Configuration from YAML: frozen dataclasses by Drake's typed loader.
+"""Reads configuration from YAML into frozen dataclasses, by Drake's typed loader.
 
-The loader writes to what it fills and knows no tuples, enumerations or annotations
-that are strings. So it fills an editable twin of each dataclass, which is then turned
-into the real one. Unknown keys are errors, as everywhere in Drake.
+The loader assigns to the fields, and does not support tuples, enumerations or
+annotations that are strings. So it fills an editable twin of each dataclass, which is
+then converted to the real one. Unknown keys are errors, as everywhere in Drake.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ def load_typed_yaml(path: Path, schema: type[T], defaults: T | None = None) -> T
     """Reads a file into a dataclass.
 
     Args:
-        path: the file.
-        schema: a dataclass whose fields all have defaults; may be frozen, and may
+        path: YAML file.
+        schema: dataclass whose fields all have defaults. It may be frozen, and may
             nest dataclasses, Drake's schemas, enumerations, tuples and mappings.
-        defaults: what the file need not say; ``schema()`` where it is None. A
+        defaults: values of fields that the file omits; ``schema()`` if it is None. A
             mapping in the file replaces that of the schema, and adds to one given here.
 
     Raises:
-        InputError: where the file cannot be read, holds a key that the schema has
-            not, or a value of another type.
+        InputError: if the file cannot be read, or holds an unknown key or a value of
+            another type.
     """
     text = read_text(path, MAX_YAML_BYTES, "YAML")
     return parse_typed_yaml(text, schema, defaults, str(path))
@@ -55,13 +55,13 @@ def parse_typed_yaml(
     """Reads a text into a dataclass; see `load_typed_yaml`.
 
     Args:
-        text: the YAML; may be empty.
-        schema: the dataclass.
-        defaults: what the text need not say.
-        source: what messages call the text.
+        text: YAML, which may be empty.
+        schema: dataclass, as for `load_typed_yaml`.
+        defaults: values of fields that the text omits.
+        source: name of the text in messages.
 
     Raises:
-        InputError: see `load_typed_yaml`.
+        InputError: as `load_typed_yaml`.
     """
     start = schema() if defaults is None else defaults
     lines = (line.lstrip() for line in text.splitlines())
@@ -77,8 +77,8 @@ def parse_typed_yaml(
         )
         return typing.cast(T, _final(loaded, schema))
     except NotImplementedError:
-        raise  # the schema's fault, not the file's
-    except InputError as error:  # a value that the dataclass itself refuses
+        raise  # an error of the schema, not of the file
+    except InputError as error:  # a value that the dataclass itself rejects
         field = ": ".join(x for x in (error.source, error.field) if x)
         raise InputError(source, error.problem, error.remedy, field) from error
     except (
@@ -99,7 +99,7 @@ def parse_typed_yaml(
 
 
 def _twin(schema: type) -> type:
-    """The dataclass with the same fields that the loader can fill."""
+    """A dataclass with the same fields, which the loader can fill."""
     if schema not in _twins:
         _twins[schema] = _make_twin(schema)
     return _twins[schema]
@@ -127,7 +127,7 @@ def _default(field: dataclasses.Field[Any]) -> Any:
 
 
 def _plain(hint: Any) -> Any:
-    """The type that the loader knows for values of type `hint`."""
+    """The type that the loader supports for values of type `hint`."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return reduce(or_, [_plain(a) for a in arguments])
@@ -141,7 +141,7 @@ def _plain(hint: Any) -> Any:
 
 
 def _editable(value: Any) -> Any:
-    """A value of a schema, as the loader takes it."""
+    """Converts a value of a schema for the loader."""
     if _is_dataclass(type(value)):
         names = [f.name for f in dataclasses.fields(value)]
         return _twin(type(value))(
@@ -157,7 +157,7 @@ def _editable(value: Any) -> Any:
 
 
 def _final(value: Any, hint: Any) -> Any:
-    """A loaded value, as its schema has it."""
+    """Converts a loaded value to the types of its schema."""
     schema = getattr(type(value), "_schema", None)
     if schema is not None:
         hints = typing.get_type_hints(schema)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a YAML text may hold, checked on its events before anything is built of it.
+"""Checks the limits of a YAML text on its events, before any value is built.
 
 A few hundred bytes of anchors and aliases can stand for billions of values, and a key
 that is given twice silently loses its first value.
@@ -16,7 +16,7 @@ MAX_YAML_BYTES = 1_000_000
 """Longest YAML file that is read."""
 
 MAX_YAML_VALUES = 200_000
-"""Most values in it, those that aliases repeat included."""
+"""Greatest number of values, including those that aliases repeat."""
 
 MAX_YAML_DEPTH = 50
 """Deepest nesting of lists and mappings."""
@@ -26,7 +26,7 @@ _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass
 class _Open:
-    """A list or mapping whose end has not come yet."""
+    """A list or mapping that has not ended yet."""
 
     mapping: bool
     anchor: str | None
@@ -36,11 +36,11 @@ class _Open:
 
 
 def check_yaml(text: str) -> None:
-    """Looks through a YAML text without building its values.
+    """Checks a YAML text without building its values.
 
     Raises:
-        ValueError: where it is too large or too deep, or gives a key twice.
-        yaml.YAMLError: where it is malformed.
+        ValueError: if it is too large or too deep, or gives a key twice.
+        yaml.YAMLError: if it is malformed.
     """
     sizes: dict[str, int] = {}
     stack = [_Open(False, None)]

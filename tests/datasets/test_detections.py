@@ -165,7 +165,7 @@ def test_detections_that_are_left_out_are_told_once(
     warn_of_left_out(found, TARGETS, "boxes.json")
     (said,) = caplog.messages
     assert said == (
-        "boxes.json: detections left out, since their objects are no target of the "
+        "boxes.json: detections left out, since their objects are not targets of the "
         "image: 3 (obj_id 2, 9)"
     )
     caplog.clear()
@@ -187,7 +187,7 @@ def test_the_look_up_tells_what_the_targets_leave_out(
 ) -> None:
     load(dataset, detection(), detection(category_id=9))
     detection_lookup(dataset, targets=TARGETS)
-    assert "no target of the image: 1 (obj_id 9)" in caplog.text
+    assert "not targets of the image: 1 (obj_id 9)" in caplog.text
     caplog.clear()
     detection_lookup(dataset)
     assert caplog.messages == []

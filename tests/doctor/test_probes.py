@@ -48,7 +48,7 @@ def test_missing_and_wrong_packages_are_named(monkeypatch: pytest.MonkeyPatch) -
     check = packages()
     assert check.status is Status.FAIL
     assert "nosuchpackage is missing" in check.message
-    assert f"numpy is {np.__version__}, needed >=999" in check.message
+    assert f"numpy is {np.__version__}, but >=999 is needed" in check.message
     assert "nosuchextra" not in check.message + check.remedy
     assert "'nosuchpackage>=1'" in check.remedy
 
@@ -68,7 +68,7 @@ def test_missing_extras_are_told_and_no_fault(monkeypatch: pytest.MonkeyPatch) -
     assert check.status is Status.OK
     assert check.message.startswith("viz; not ray for several machines")
     assert "(nosuchray is missing)" in check.message
-    assert f"(numpy is {np.__version__}, needed >=999)" in check.message
+    assert f"(numpy is {np.__version__}, but >=999 is needed)" in check.message
     assert check.message.endswith(": pip install 'physim-drake[ray,train]'")
     assert "nosuchtool" not in check.message
     assert packages().status is Status.OK

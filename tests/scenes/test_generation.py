@@ -220,7 +220,7 @@ def test_a_wide_scene_of_many_is_looked_at_from_farther():
 def test_model_too_large_for_the_surface():
     huge = ObjectModel.from_mesh(1, "plank", trimesh.creation.box([1.2, 0.1, 0.1]))
     library = ObjectLibrary([huge], "a folder")
-    with pytest.raises(InputError, match=r"plank: is 1\.21 m across, the table"):
+    with pytest.raises(InputError, match=r"plank: is 1\.21 m across, but the table"):
         check_scene_config(library, SceneConfig(1, 1, 1))
 
 

@@ -95,21 +95,21 @@ def test_an_estimate_comes_back() -> None:
 @pytest.mark.parametrize(
     ("name", "wrong", "message"),
     [
-        ("number", "1", "notes: number: is no float"),
-        ("number", 10**400, "notes: number: is no float"),
-        ("count", 1.5, "notes: count: is no int"),
-        ("count", True, "notes: count: is no int"),
-        ("flag", 1, "notes: flag: is no bool"),
-        ("color", "blue", "notes: color: is none of red"),
+        ("number", "1", "notes: number: is not of type float"),
+        ("number", 10**400, "notes: number: is not of type float"),
+        ("count", 1.5, "notes: count: is not of type int"),
+        ("count", True, "notes: count: is not of type int"),
+        ("flag", 1, "notes: flag: is not of type bool"),
+        ("color", "blue", "notes: color: is not one of red"),
         ("items", {}, "notes: items: is an object of 0"),
-        ("items", [3], r"notes: items\[0\]: is no object"),
+        ("items", [3], r"notes: items\[0\]: is not an object"),
         ("items", [{"pair": [1], "points": []}], r"items\[0\].pair: is a list of 1"),
         (
             "items",
             [{"pair": [1, "a"], "points": [[1], [1, 2]]}],
-            r"items\[0\].points: is no array of numbers",
+            r"items\[0\].points: is not an array of numbers",
         ),
-        ("times", [], "notes: times: is no object"),
+        ("times", [], "notes: times: is not an object"),
     ],
 )
 def test_what_is_something_else_is_named(name: str, wrong: Any, message: str) -> None:

@@ -117,7 +117,7 @@ def test_a_full_disk_asks_for_room(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
     with (
-        pytest.raises(InputError, match="make room there, or choose a place"),
+        pytest.raises(InputError, match="free some space there, or choose another"),
         room_for(10),
         write_atomically(path) as file,
     ):
