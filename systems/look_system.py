@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,7 @@ class LookSystem(LeafSystem):
     ) -> None:
         super().__init__()
         self._outputs, self._latency = dict(outputs), timing.latency
+        self._timer: Callable[[], AbstractContextManager[None]] = nullcontext
         nothing: Results = tuple(Stamped() for _ in outputs)
         start = LookState(nothing, waiting=((),) * inputs)
         self._state: Any = self.DeclareAbstractState(Value(start))
@@ -70,6 +72,14 @@ class LookSystem(LeafSystem):
             )
         else:
             self.DeclarePerStepUnrestrictedUpdateEvent(self._on_step)
+
+    def time_work(self, timer: Callable[[], AbstractContextManager[None]]) -> None:
+        """Enters a context around the work on each look, to measure its wall time.
+
+        Args:
+            timer: makes the context.
+        """
+        self._timer = timer
 
     def _shower(self, k: int) -> Callable[[Any, Any], None]:
         def show(context: Any, output: Any) -> None:
@@ -114,7 +124,8 @@ class LookSystem(LeafSystem):
         values: tuple[Any, ...] = (None,) * len(self._outputs)
         if not error:
             try:
-                values = make()
+                with self._timer():
+                    values = make()
             except InputError as cause:
                 error = str(cause)
         for (name, kind), value in zip(self._outputs.items(), values, strict=True):

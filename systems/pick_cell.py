@@ -36,6 +36,7 @@ from physim_drake.models import PACKAGE_XML
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.cell import PickCellGeometry, unusable_directives
 from physim_drake.picking.initial_scene import PlacedModel
+from physim_drake.picking.pick_choice import MotionPlanner
 from physim_drake.picking.planning_plant import find_frame
 from physim_drake.picking.policy import PickPolicy, TopOfPileFirst
 from physim_drake.picking.scenario import DetectorName, PickScenario
@@ -74,12 +75,14 @@ class PickCellParts:
         policy: which object is picked, and where.
         detector: finds objects in images; by default what the scenario asks for.
         estimator: estimates their poses; whoever made it closes it.
+        planner: plans the arm's motions.
         meshcat: where everything is shown.
     """
 
     policy: PickPolicy | None = None
     detector: DetectionAlgorithm | None = None
     estimator: PoseEstimator | None = None
+    planner: MotionPlanner | None = None
     meshcat: Meshcat | None = None
 
 
@@ -126,7 +129,7 @@ class PickCell:
         self.instances = find_object_instances(self.plant, library, {})
         gripper = self._add_gripper(builder, scene_graph)
         self.perception = self._add_perception(builder, scene_graph, seed, parts)
-        self.task = self._add_task(builder, robot, parts.policy)
+        self.task = self._add_task(builder, robot, parts)
         for source, target in (
             (self.perception.GetOutputPort("scene_estimate"), "scene_estimate"),
             (gripper.vacuum_output_port(), "vacuum"),
@@ -259,12 +262,13 @@ class PickCell:
         self,
         builder: DiagramBuilder,
         robot: ModelInstanceIndex,
-        policy: PickPolicy | None,
+        parts: PickCellParts,
     ) -> PickTaskSystem:
         config, planner = self._scenario.task, self._geometry.planner
+        policy = parts.policy
         task = PickTask(
             config,
-            planner,
+            parts.planner or planner,
             policy or TopOfPileFirst(min_confidence=config.min_confidence),
             policy or TopOfPileFirst(min_confidence=config.last_confidence),
             self._library,

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from physim_drake.episodes.result import (
     ObjectOutcome,
     reason_left,
 )
+from physim_drake.episodes.stopwatch import Stopwatch, TimedPlanner
 from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
 from physim_drake.picking.initial_scene import PlacedModel, check_objects, draw_start
@@ -29,6 +30,7 @@ from physim_drake.picking.task_state import EventKind, Phase, TaskState
 from physim_drake.poses import Array
 from physim_drake.scenes.generation import write_models
 from physim_drake.storage.scratch import ScratchFolder
+from physim_drake.systems.look_system import LookSystem
 from physim_drake.systems.pick_cell import (
     PickCell,
     PickCellParts,
@@ -41,7 +43,12 @@ _AFTERWARDS = 1.0  # s, for what was let go last to come to rest
 # Meshcat looks over the table's far corner at arm and objects; m, from the pick area.
 _VIEW_FROM, _VIEW_OF = np.array([0.9, -0.8, 0.75]), np.array([-0.15, 0.1, 0.15])
 _FALLEN = 0.05  # m below the pick area
-_PLANNER_CALLS = ("set_scene", "plan_look", "plan_pick", "plan_place", "plan_line")
+_STAGES = {
+    "camera": "rendering",
+    "hypothesis_generator": "estimation",
+    "pose_estimator": "estimation",
+}
+"""Under which stage the work of perception's systems is booked."""
 
 
 class EpisodeRunner(Closing):
@@ -78,11 +85,9 @@ class EpisodeRunner(Closing):
                 self.library, config.estimator.estimation
             )
             parts = replace(parts, estimator=self._own_estimator)
-        self._parts, self._watch = parts, Stopwatch()
-        self._watch.time_calls(self.geometry.planner, _PLANNER_CALLS, "planning")
-        self._watch.time_calls(
-            parts.estimator, ("hypotheses", "estimate"), "estimation"
-        )
+        self._watch = Stopwatch()
+        planner = parts.planner or self.geometry.planner
+        self._parts = replace(parts, planner=TimedPlanner(planner, self._watch))
 
     def run(
         self,
@@ -111,8 +116,7 @@ class EpisodeRunner(Closing):
             _seed(self.scenario.random_seed, episode),
             self._parts,
         )
-        camera = cell.perception.GetSubsystemByName("camera")
-        watch.time_calls(camera, ("capture",), "rendering")
+        self._time_perception(cell)
         watch.lap("set-up")
         judge = _Judge(cell)
         with self._recorded():
@@ -127,6 +131,13 @@ class EpisodeRunner(Closing):
             judge.time,
             watch.seconds,
         )
+
+    def _time_perception(self, cell: PickCell) -> None:
+        perception: Any = cell.perception
+        for name, stage in _STAGES.items():
+            if perception.HasSubsystemNamed(name):
+                system: LookSystem = perception.GetSubsystemByName(name)
+                system.time_work(partial(self._watch.stage, stage))
 
     @contextmanager
     def _recorded(self) -> Iterator[None]:
@@ -179,54 +190,6 @@ class EpisodeRunner(Closing):
         if self._own_estimator is not None:
             self._own_estimator.close()
         self._folder.close()
-
-
-class Stopwatch:
-    """Wall time by stage; stages that are timed by their calls interrupt others.
-
-    Attributes:
-        seconds: by stage.
-    """
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._inside = False
-        self._booked = 0.0
-        self._last = time.monotonic()
-
-    def restart(self) -> None:
-        """Forgets everything."""
-        self.seconds, self._booked, self._last = {}, 0.0, time.monotonic()
-
-    def lap(self, stage: str) -> None:
-        """Books the time since the last lap, less what calls took of it."""
-        now = time.monotonic()
-        self._book(stage, now - self._last - self._booked)
-        self._last, self._booked = now, 0.0
-
-    def time_calls(self, target: Any, names: tuple[str, ...], stage: str) -> None:
-        """Books every call of these methods of an object under `stage`."""
-        for name in names:
-            setattr(target, name, self._timed(getattr(target, name), stage))
-
-    def _timed(self, call: Callable[..., Any], stage: str) -> Callable[..., Any]:
-        def timed(*args: Any, **kwargs: Any) -> Any:
-            """Calls, and books the time unless a call around this one does."""
-            if self._inside:
-                return call(*args, **kwargs)
-            self._inside, begin = True, time.monotonic()
-            try:
-                return call(*args, **kwargs)
-            finally:
-                self._inside = False
-                taken = time.monotonic() - begin
-                self._booked += taken
-                self._book(stage, taken)
-
-        return timed
-
-    def _book(self, stage: str, seconds: float) -> None:
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
 
 
 class _Judge:

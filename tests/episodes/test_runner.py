@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from physim_drake.episodes.result import EpisodeResult, summary
-from physim_drake.episodes.runner import EpisodeRunner, Stopwatch, local_meshcat
+from physim_drake.episodes.runner import EpisodeRunner, local_meshcat
 from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
 from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary
@@ -40,7 +39,12 @@ SCENARIO = PickScenario(
 
 
 class Shifted:
-    """Estimates as another estimator does, and puts all objects elsewhere."""
+    """Estimates as another estimator does, and puts all objects elsewhere.
+
+    Its slots let nobody replace its methods.
+    """
+
+    __slots__ = ("_estimator", "_shift")
 
     def __init__(self, estimator: PoseEstimator, shift: tuple[float, float, float]):
         self._estimator, self._shift = estimator, make_pose(p=shift)
@@ -112,36 +116,3 @@ def test_an_episode_that_is_too_long_is_cut() -> None:
 def test_meshcat_listens_on_this_computer_only() -> None:
     meshcat = local_meshcat()
     assert meshcat.web_url().startswith("http://localhost:")
-
-
-def test_timed_calls_are_taken_from_the_lap_around_them() -> None:
-    class Sleeper:
-        def sleep(self) -> str:
-            time.sleep(0.05)
-            return "awake"
-
-    watch, sleeper = Stopwatch(), Sleeper()
-    watch.time_calls(sleeper, ("sleep",), "sleeping")
-    watch.restart()
-    assert sleeper.sleep() == "awake"
-    time.sleep(0.02)
-    watch.lap("waking")
-    assert watch.seconds["sleeping"] >= 0.05
-    assert 0.02 <= watch.seconds["waking"] < 0.06
-    watch.restart()
-    assert watch.seconds == {}
-
-
-def test_a_call_within_a_timed_call_counts_once() -> None:
-    class Nested:
-        def outer(self) -> None:
-            self.inner()
-
-        def inner(self) -> None:
-            time.sleep(0.02)
-
-    watch, nested = Stopwatch(), Nested()
-    watch.time_calls(nested, ("outer", "inner"), "all")
-    watch.restart()
-    nested.outer()
-    assert 0.02 <= watch.seconds["all"] < 0.04
