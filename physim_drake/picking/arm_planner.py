@@ -155,10 +155,9 @@ class ArmPlanner:
         Raises:
             PlanFailure: where no way is found.
         """
-        self.scene.hold(held)
-        self.scene.keep_distances(start=q_start)
-        path = connect(self.scene, q_start, q_goal, self._generator(), "transfer")
-        return self._timed(path, held is not None, "transfer")
+        with self.scene.state(held=held, start=q_start):
+            path = connect(self.scene, q_start, q_goal, self._generator(), "transfer")
+            return self._timed(path, held is not None, "transfer")
 
     def plan_pick(self, q_now: Array, candidate: PickCandidate) -> PickPlan:
         """Plans reaching for an object, pressing the cup on it and lifting it.
@@ -171,31 +170,25 @@ class ArmPlanner:
             PlanFailure: where no configuration, line or way is found.
         """
         scene, generator = self.scene, self._generator()
-        scene.hold(None)
-        scene.keep_distances(start=q_now)
         X_pre = candidate.X_WG.copy()
         X_pre[:3, 3] -= self.config.pre_grasp * candidate.approach
         search = IkSearch(scene, PoseGoal(scene.tool_frame, X_pre), q_now, generator)
         failure: PlanFailure | None = None
         searches = 0
-        for q in islice(search, self.config.line_attempts):
-            try:
-                grasp = self._grasp(q, candidate)
-                scene.hold(None)
-                scene.keep_distances(start=q_now)
-                searches += 1
-                path = connect(scene, q_now, q, generator, "transfer")
-                transfer = self._timed(path, False, "transfer")
-                return self._pick_plan(candidate, transfer, grasp)
-            except PlanFailure as error:
-                failure = error
-                if searches == _MAX_SEARCHES:
-                    break
-            finally:
-                scene.hold(None)
-                scene.keep_distances(start=q_now)
-        what = f"the pre-grasp above {candidate.name}"
-        raise failure or search.failure("ik", what)
+        with scene.state(start=q_now):
+            for q in islice(search, self.config.line_attempts):
+                try:
+                    grasp = self._grasp(q, candidate)
+                    searches += 1
+                    path = connect(scene, q_now, q, generator, "transfer")
+                    transfer = self._timed(path, False, "transfer")
+                    return self._pick_plan(candidate, transfer, grasp)
+                except PlanFailure as error:
+                    failure = error
+                    if searches == _MAX_SEARCHES:
+                        break
+            what = f"the pre-grasp above {candidate.name}"
+            raise failure or search.failure("ik", what)
 
     def plan_place(
         self,
@@ -235,14 +228,9 @@ class ArmPlanner:
             PlanFailure: where the arm cannot follow the line, or would touch something.
         """
         scene = self.scene
-        scene.hold(held)
-        scene.keep_distances(start=q_now)
-        path = straight_line(scene, scene.tool_frame, q_now, shift_W, "line")
-        pace = self._pace(held is not None, self.config.line_speed)
-        line = line_trajectory(scene, path, pace)
-        if line is None:
-            raise PlanFailure("line", "the straight line could not be timed")
-        return line
+        with scene.state(held=held, start=q_now):
+            path = straight_line(scene, scene.tool_frame, q_now, shift_W, "line")
+            return self._timed_line(path, held is not None, "line")
 
     def plan_look(
         self,
@@ -281,8 +269,6 @@ class ArmPlanner:
         Yields:
             at most one for each side: front, left, right, top.
         """
-        self.scene.hold(None)
-        self.scene.keep_distances()
         done: set[str] = set()
         stand = np.zeros(3) if p_WR is None else p_WR
         for view in propose_viewpoints(p_WT, stand):
@@ -291,10 +277,12 @@ class ArmPlanner:
             goal = PoseGoal(
                 self.scene.camera_frame, view.X_WC, True, _LOOK_CONE, _LOOK_RADIUS
             )
-            for _ in IkSearch(self.scene, goal, q_now, self._generator()):
+            with self.scene.state():
+                search = IkSearch(self.scene, goal, q_now, self._generator())
+                reachable = next(iter(search), None) is not None
+            if reachable:
                 done.add(view.name)
                 yield view
-                break
 
     def _plan_to_pose(
         self,
@@ -305,43 +293,44 @@ class ArmPlanner:
         what: str,
     ) -> ArmTrajectory:
         scene, generator = self.scene, self._generator()
-        scene.hold(held)
-        scene.keep_distances(start=q_now)
         search = IkSearch(scene, goal, q_now, generator)
         failure: PlanFailure | None = None
-        for q in islice(search, _MAX_SEARCHES):
-            try:
-                path = connect(scene, q_now, q, generator, stage)
-                return self._timed(path, held is not None, stage)
-            except PlanFailure as error:
-                failure = error
-        raise failure or search.failure(stage, what)
+        with scene.state(held=held, start=q_now):
+            for q in islice(search, _MAX_SEARCHES):
+                try:
+                    path = connect(scene, q_now, q, generator, stage)
+                    return self._timed(path, held is not None, stage)
+                except PlanFailure as error:
+                    failure = error
+            raise failure or search.failure(stage, what)
 
     def _grasp(self, q_pre: Array, candidate: PickCandidate) -> _Grasp:
         """Straight lines from a pre-grasp to contact, and off with the object."""
         scene, config = self.scene, self.config
-        scene.hold(None)
-        scene.keep_distances(target=candidate.index)
         depth = config.pre_grasp + candidate.dome + config.press
         shift = depth * candidate.approach
-        approach = straight_line(scene, scene.tool_frame, q_pre, shift, "approach")
+        with scene.state(touch=candidate.index):
+            approach = straight_line(scene, scene.tool_frame, q_pre, shift, "approach")
         X_WG = scene.tool_pose(approach[-1])
         X_GO = inverse(X_WG) @ candidate.X_WO
         held = HeldObject(candidate.object_id, X_GO, candidate.index)
-        scene.hold(held)
-        scene.keep_distances(start=approach[-1])
-        up = np.array([0.0, 0.0, config.lift])
-        failure: PlanFailure | None = None
-        for away in (up, -config.lift * candidate.approach):
+        with scene.state(held=held, start=approach[-1]):
+            retreat = self._retreat(approach[-1], candidate)
+        return _Grasp(approach, retreat, X_WG, held)
+
+    def _retreat(self, q: Array, candidate: PickCandidate) -> Array:
+        """A straight line off: upwards, or else back along the cup's axis."""
+        up = np.array([0.0, 0.0, self.config.lift])
+        back = -self.config.lift * candidate.approach
+        failures = []
+        for away in (up, back):
             try:
-                retreat = straight_line(
-                    scene, scene.tool_frame, approach[-1], away, "retreat"
+                return straight_line(
+                    self.scene, self.scene.tool_frame, q, away, "retreat"
                 )
-                return _Grasp(approach, retreat, X_WG, held)
-            except PlanFailure as error:
-                failure = failure or error
-        assert failure is not None
-        raise failure
+            except PlanFailure as failure:
+                failures.append(failure)
+        raise failures[0]
 
     def _pick_plan(
         self, candidate: PickCandidate, transfer: ArmTrajectory, grasp: _Grasp

@@ -8,7 +8,8 @@ the robot's other joints stay where they are.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
@@ -125,61 +126,37 @@ class PlanningScene:
         if any(count > have[i] for i, count in needed.items()):
             self._build({i: max(have[i], needed[i]) for i in have})
         self._objects = tuple(placed)
-        self.hold(None)
+        self._hold(None)
 
-    def hold(self, held: HeldObject | None) -> None:
-        """Attaches an object to the cup, or none, and shows all others in the world."""
-        self._held = held
-        gone = None if held is None else held.index
-        poses: list[tuple[Slot, RigidTransform]] = []
-        free = {i: list(slots) for i, slots in self._built.placed.items()}
-        self._slot_of = {}
-        for item in self._objects:
-            slot = free[item.model.object_id].pop(0)
-            self._slot_of[item.index] = slot
-            if item.index != gone:
-                poses.append((slot, RigidTransform(item.X_WO)))
-            else:
-                poses.append((slot, PARKED))
-        poses += [(slot, PARKED) for slots in free.values() for slot in slots]
-        for object_id, slot in self._built.held.items():
-            here = held is not None and held.object_id == object_id
-            X = RigidTransform(held.X_GO) if held and here else PARKED_HELD
-            poses.append((slot, X))
+    @contextmanager
+    def state(
+        self,
+        *,
+        held: HeldObject | None = None,
+        touch: int | None = None,
+        start: Array | None = None,
+    ) -> Iterator[None]:
+        """Sets what the cup holds and which distances count as free, for a while.
 
-        def place(_: Any, context: Any) -> None:
-            for slot, X in poses:
-                slot.frame.SetPoseInParentFrame(context.plant_context(), X)
-
-        self.checker.PerformOperationAgainstAllModelContexts(place)
-        self.keep_distances()
-
-    def keep_distances(
-        self, target: int | None = None, start: Array | None = None
-    ) -> None:
-        """Sets which distances count as free.
+        At the end everything is as it was before. In nested states the inner one
+        counts alone. Do not call `set_objects` within.
 
         Args:
-            target: index of the object that the cup may touch.
-            start: a configuration that must count as free; each pair of bodies that is
-                too near there may stay as near as it is. Contacts of a held object with
-                what it rested on, and errors of the estimate, would else forbid every
-                motion.
+            held: the object at the cup; it is no longer where it was seen.
+            touch: index of the object that the cup may touch.
+            start: a configuration (n,) that must count as free; each pair of bodies
+                that is too near there may stay as near as it is. Contacts of a held
+                object with what it rested on, and errors of the estimate, would
+                otherwise forbid every motion.
         """
-        paddings = self._strict.copy()
-        if target is not None:
-            body = int(self._slot_of[target].body.index())
-            cup = self._roles.cup
-            paddings[cup, body] = paddings[body, cup] = _TOUCHABLE
-        self.checker.SetPaddingMatrix(paddings)
-        if start is None:
-            return
-        near = self._near_pairs(start)
-        if not near:
-            return
-        for a, b, distance in near:
-            paddings[a, b] = paddings[b, a] = min(paddings[a, b], distance - _SLACK)
-        self.checker.SetPaddingMatrix(paddings)
+        before, paddings = self._held, self.checker.GetPaddingMatrix().copy()
+        try:
+            self._hold(held)
+            self._keep_distances(touch, start)
+            yield
+        finally:
+            self._hold(before)
+            self.checker.SetPaddingMatrix(paddings)
 
     def is_free(self, q: Array) -> bool:
         """Whether the robot keeps its distances at `q`, (n,)."""
@@ -254,6 +231,52 @@ class PlanningScene:
             InputError: where a joint is planned.
         """
         self._set_full(angles)
+
+    def _hold(self, held: HeldObject | None) -> None:
+        """Attaches an object, or nothing, to the cup; the others are where seen."""
+        self._held = held
+        gone = None if held is None else held.index
+        poses: list[tuple[Slot, RigidTransform]] = []
+        free = {i: list(slots) for i, slots in self._built.placed.items()}
+        self._slot_of = {}
+        for item in self._objects:
+            slot = free[item.model.object_id].pop(0)
+            self._slot_of[item.index] = slot
+            if item.index != gone:
+                poses.append((slot, RigidTransform(item.X_WO)))
+            else:
+                poses.append((slot, PARKED))
+        poses += [(slot, PARKED) for slots in free.values() for slot in slots]
+        for object_id, slot in self._built.held.items():
+            here = held is not None and held.object_id == object_id
+            X = RigidTransform(held.X_GO) if held and here else PARKED_HELD
+            poses.append((slot, X))
+
+        def place(_: Any, context: Any) -> None:
+            for slot, X in poses:
+                slot.frame.SetPoseInParentFrame(context.plant_context(), X)
+
+        self.checker.PerformOperationAgainstAllModelContexts(place)
+        self._keep_distances()
+
+    def _keep_distances(
+        self, touch: int | None = None, start: Array | None = None
+    ) -> None:
+        """Sets which distances count as free; see `state`."""
+        paddings = self._strict.copy()
+        if touch is not None:
+            body = int(self._slot_of[touch].body.index())
+            cup = self._roles.cup
+            paddings[cup, body] = paddings[body, cup] = _TOUCHABLE
+        self.checker.SetPaddingMatrix(paddings)
+        if start is None:
+            return
+        near = self._near_pairs(start)
+        if not near:
+            return
+        for a, b, distance in near:
+            paddings[a, b] = paddings[b, a] = min(paddings[a, b], distance - _SLACK)
+        self.checker.SetPaddingMatrix(paddings)
 
     def _set_full(self, angles: Mapping[str, float]) -> None:
         for name in angles:

@@ -322,6 +322,33 @@ def test_a_straight_line_is_straight_and_turns_nothing(planner: ArmPlanner) -> N
         planner.plan_line(q, np.array([0.0, 0.0, -0.4]))
 
 
+def test_a_plan_leaves_the_scene_as_it_was(planner: ArmPlanner) -> None:
+    """What was planned with an object held has no part in what is asked next."""
+    objects = pile()
+    plan = planned(planner, objects, 2)
+    scene, q = planner.scene, plan.approach.end
+    before = scene.conflicts(q)
+    planner.plan_line(q, np.array([0.0, 0.0, 0.05]), plan.held)
+    with pytest.raises(PlanFailure):
+        planner.plan_line(q, np.array([0.0, 0.0, -0.4]), plan.held)
+    assert scene.held is None
+    assert scene.conflicts(q) == before
+
+
+def test_states_of_the_scene_are_nested(planner: ArmPlanner) -> None:
+    objects = pile()
+    plan = planned(planner, objects, 2)
+    scene, q = planner.scene, plan.approach.end
+    with scene.state(start=q):
+        assert scene.is_free(q)
+        with scene.state(held=plan.held):
+            assert scene.held is plan.held
+            assert not scene.is_free(q)
+        assert scene.held is None
+        assert scene.is_free(q)
+    assert not scene.is_free(q)
+
+
 def test_the_arm_leaves_an_object_that_it_still_touches(planner: ArmPlanner) -> None:
     objects = pile()
     plan = planned(planner, objects, 2)
