@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
+from physim_drake.observation.detector import DetectionAlgorithm
 from physim_drake.systems.camera_source import CameraSource, CameraSourceConfig
 from physim_drake.systems.detector import (
-    DetectionAlgorithm,
     Detector,
     DetectorConfig,
     OracleDetector,
@@ -30,11 +30,14 @@ from physim_drake.systems.perception_config import (
     PerceptionConfig,
 )
 from physim_drake.systems.pose_error_monitor import LookErrors, PoseErrorMonitor
-from physim_drake.systems.pose_estimator import MctsPoseEstimator
+from physim_drake.systems.pose_estimator import SceneEstimator
 from physim_drake.systems.pose_visualizer import PoseVisualizer, PoseVisualizerConfig
 from physim_drake.systems.replay_source import ReplaySource, ReplaySourceConfig
 from physim_drake.systems.source import Source
 from physim_drake.systems.stage import Look, Stage, Stamped, TimingConfig
+
+MctsPoseEstimator = SceneEstimator
+"""The old name of `SceneEstimator`, which runs every method, not the search alone."""
 
 __all__ = [
     "AddPerceptionDiagram",
@@ -62,6 +65,7 @@ __all__ = [
     "PoseVisualizerConfig",
     "ReplaySource",
     "ReplaySourceConfig",
+    "SceneEstimator",
     "SceneHypotheses",
     "Source",
     "Stage",

@@ -15,15 +15,13 @@ from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I, ImageRgba8U
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.errors import InputError
+from physim_drake.observation.detector import LabelImage
 from physim_drake.observation.observation import RgbdObservation
 from physim_drake.sensors.color_noise import ColorNoise, expose
 from physim_drake.sensors.depth_noise import DepthNoise, measure_depth
 from physim_drake.sensors.presets import PRESETS, CameraName
 from physim_drake.systems.source import Source
 from physim_drake.systems.stage import EACH_STEP, TimingConfig
-
-LabelImage = NDArray[np.int16]
-"""(height, width), what the renderer calls that which each pixel shows."""
 
 
 @dataclass(frozen=True)

@@ -12,34 +12,11 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import DepthImage
 from physim_drake.observation.detection_selection import ChoiceConfig, choose_detections
+from physim_drake.observation.detector import DetectionAlgorithm, LabelImage
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.scenes.views import jittered_boxes
-from physim_drake.systems.camera_source import LabelImage
 from physim_drake.systems.object_instances import ObjectInstance
 from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
-
-
-class DetectionAlgorithm(Protocol):
-    """What a `Detector` asks; any object with this method is one."""
-
-    def detect(
-        self,
-        observation: RgbdObservation,
-        labels: LabelImage | None,
-        generator: np.random.Generator,
-    ) -> tuple[Detection, ...]:
-        """Finds the objects in an image.
-
-        Args:
-            observation: the image.
-            labels: what the renderer says each pixel shows, where that is known; for
-                algorithms that stand in for a detector.
-            generator: of all random choices; the same for the same look.
-
-        Raises:
-            InputError: where the image cannot be used.
-        """
-        ...
 
 
 @dataclass(frozen=True)

@@ -24,13 +24,14 @@ from pydrake.systems.framework import DiagramBuilder
 
 from physim_drake.models import PACKAGE_XML
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.detector import LabelImage
 from physim_drake.observation.observation import RgbdObservation
 from physim_drake.picking.cell import unusable_directives
 from physim_drake.picking.initial_scene import PlacedModel
 from physim_drake.picking.look_postures import LookingConditions
 from physim_drake.picking.scenario import PickScenario
 from physim_drake.poses import Array
-from physim_drake.systems.camera_source import CameraSource, LabelImage
+from physim_drake.systems.camera_source import CameraSource
 from physim_drake.systems.object_instances import find_object_instances
 from physim_drake.systems.perception_config import PerceptionCameraConfig
 from physim_drake.systems.rgbd_sensors import add_rgbd_sensors

@@ -21,9 +21,9 @@ from physim_drake.closing import Closing
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import Method, PoseEstimator
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.detector import DetectionAlgorithm
 from physim_drake.systems.camera_source import CameraSource
 from physim_drake.systems.detector import (
-    DetectionAlgorithm,
     Detector,
     DetectorConfig,
 )
@@ -35,7 +35,7 @@ from physim_drake.systems.perception_config import (
     PerceptionConfig,
 )
 from physim_drake.systems.pose_error_monitor import PoseErrorMonitor
-from physim_drake.systems.pose_estimator import MctsPoseEstimator
+from physim_drake.systems.pose_estimator import SceneEstimator
 from physim_drake.systems.pose_visualizer import PoseVisualizer
 from physim_drake.systems.rgbd_sensors import add_rgbd_sensors
 from physim_drake.systems.stage import TimingConfig
@@ -62,7 +62,7 @@ class PerceptionDiagram(Diagram, Closing):
         - pose_errors
 
     The ports are those of the systems inside: `CameraSource`, `Detector`,
-    `HypothesisGenerator`, `MctsPoseEstimator`, `GroundTruthPoses`, `PoseErrorMonitor`.
+    `HypothesisGenerator`, `SceneEstimator`, `GroundTruthPoses`, `PoseErrorMonitor`.
     ``query_object`` is the scene graph's, ``body_poses`` the plant's;
     `AddPerceptionDiagram` connects both.
 
@@ -173,9 +173,9 @@ class PerceptionDiagram(Diagram, Closing):
 
     def _add_estimator(
         self, builder: DiagramBuilder, camera: CameraSource, detector: Detector
-    ) -> MctsPoseEstimator:
+    ) -> SceneEstimator:
         config, latency = self._config.estimator, self._config.latency
-        estimator = MctsPoseEstimator(
+        estimator = SceneEstimator(
             self.estimator, config.surface_height, self._timing(latency.estimator)
         )
         builder.AddNamedSystem("pose_estimator", estimator)
@@ -193,7 +193,7 @@ class PerceptionDiagram(Diagram, Closing):
         _export(builder, estimator, "scene_estimate")
         return estimator
 
-    def _add_judge(self, builder: DiagramBuilder, estimator: MctsPoseEstimator) -> None:
+    def _add_judge(self, builder: DiagramBuilder, estimator: SceneEstimator) -> None:
         truth = GroundTruthPoses(self.instances, self._config.period, self._timing())
         builder.AddNamedSystem("ground_truth", truth)
         builder.ConnectInput("trigger", truth.GetInputPort("trigger"))
@@ -209,7 +209,7 @@ class PerceptionDiagram(Diagram, Closing):
         self,
         builder: DiagramBuilder,
         camera: CameraSource,
-        estimator: MctsPoseEstimator,
+        estimator: SceneEstimator,
         meshcat: Meshcat,
     ) -> None:
         visualizer = PoseVisualizer(

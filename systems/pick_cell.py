@@ -34,6 +34,7 @@ from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import Method, PoseEstimator
 from physim_drake.models import PACKAGE_XML
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.detector import DetectionAlgorithm
 from physim_drake.picking.cell import PickCellGeometry, unusable_directives
 from physim_drake.picking.initial_scene import PlacedModel
 from physim_drake.picking.pick_choice import MotionPlanner
@@ -45,7 +46,6 @@ from physim_drake.picking.task import PickTask
 from physim_drake.picking.trajectories import rest_trajectory
 from physim_drake.suction.contact import add_cup_geometry
 from physim_drake.systems.detector import (
-    DetectionAlgorithm,
     OracleDetector,
     TrainedDetector,
 )

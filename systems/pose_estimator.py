@@ -15,7 +15,7 @@ from physim_drake.systems.stage import EACH_STEP, Look, Stage, TimingConfig
 
 
 class EstimationAlgorithm(Protocol):
-    """What an `MctsPoseEstimator` asks; `PoseEstimator` is one."""
+    """What a `SceneEstimator` asks; `PoseEstimator` is one."""
 
     def estimate(
         self,
@@ -35,12 +35,12 @@ class EstimationAlgorithm(Protocol):
         ...
 
 
-class MctsPoseEstimator(Stage):
+class SceneEstimator(Stage):
     """Searches for the poses that explain each look best and could rest there.
 
     .. pydrake_system::
 
-        name: MctsPoseEstimator
+        name: SceneEstimator
         input_ports:
         - observation
         - detections

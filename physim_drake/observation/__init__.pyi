@@ -3,6 +3,8 @@ from .detection_alternatives import rival_choices as rival_choices
 from .detection_selection import ChoiceConfig as ChoiceConfig
 from .detection_selection import assign_detections as assign_detections
 from .detection_selection import choose_detections as choose_detections
+from .detector import DetectionAlgorithm as DetectionAlgorithm
+from .detector import LabelImage as LabelImage
 from .observation import Detection as Detection
 from .observation import RgbdObservation as RgbdObservation
 from .observation import Segment as Segment

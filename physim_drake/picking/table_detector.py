@@ -3,28 +3,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
+from physim_drake.observation.detector import DetectionAlgorithm, LabelImage
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.picking.tote import Tote
 from physim_drake.poses import Array, transform_points
 
 _MIDDLE = 0.5  # share of a box's sides that is looked at
-
-
-class Detects(Protocol):
-    """Any detector."""
-
-    def detect(
-        self,
-        observation: RgbdObservation,
-        labels: NDArray[np.int16] | None,
-        generator: np.random.Generator,
-    ) -> tuple[Detection, ...]:
-        """Finds the objects in an image."""
 
 
 class TableDetector:
@@ -35,13 +22,13 @@ class TableDetector:
         tote: what is left out.
     """
 
-    def __init__(self, detector: Detects, tote: Tote) -> None:
+    def __init__(self, detector: DetectionAlgorithm, tote: Tote) -> None:
         self._detector, self._tote = detector, tote
 
     def detect(
         self,
         observation: RgbdObservation,
-        labels: NDArray[np.int16] | None,
+        labels: LabelImage | None,
         generator: np.random.Generator,
     ) -> tuple[Detection, ...]:
         """Finds the objects that are not in the tote."""

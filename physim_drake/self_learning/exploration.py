@@ -20,6 +20,7 @@ from physim_drake.datasets.bop_writer import (
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.detector import DetectionAlgorithm, LabelImage
 from physim_drake.observation.observation import RgbdObservation
 from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
 from physim_drake.picking.initial_scene import PlacedModel, check_objects, draw_start
@@ -45,8 +46,6 @@ from physim_drake.storage.files import (
     write_atomically,
 )
 from physim_drake.storage.scratch import ScratchFolder
-from physim_drake.systems.camera_source import LabelImage
-from physim_drake.systems.detector import DetectionAlgorithm
 from physim_drake.systems.looking_cell import LookingCell
 from physim_drake.systems.pick_cell import perception_config
 

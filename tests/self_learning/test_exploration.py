@@ -16,6 +16,7 @@ from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.bop_writer import BopImage
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
+from physim_drake.observation.detector import LabelImage
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.picking.look_postures import LookingConditions
 from physim_drake.picking.scenario import ObjectsConfig, PickScenario
@@ -29,7 +30,6 @@ from physim_drake.self_learning.exploration import (
 )
 from physim_drake.self_learning.labels import LabelledScene
 from physim_drake.storage.typed_yaml import load_typed_yaml
-from physim_drake.systems.camera_source import LabelImage
 from physim_drake.systems.looking_cell import LookingCell
 
 DIM = Path(__file__).parents[2] / "examples" / "lighting" / "dim.yaml"

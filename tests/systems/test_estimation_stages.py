@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
+from physim_drake import systems
 from physim_drake.errors import InputError
 from physim_drake.estimation.preparation import PreparedScene
 from physim_drake.hypotheses.generation import PoseHypotheses
@@ -17,7 +18,7 @@ from physim_drake.systems.hypothesis_generator import (
     HypothesisGenerator,
     SceneHypotheses,
 )
-from physim_drake.systems.pose_estimator import MctsPoseEstimator
+from physim_drake.systems.pose_estimator import SceneEstimator
 from physim_drake.systems.stage import EACH_STEP, TimingConfig
 from physim_drake.systems.stamped import Stamped
 from tests.synthetic import SyntheticScene, pair_apart, synthesize
@@ -75,7 +76,7 @@ def run(
 ) -> tuple[Stamped[SceneHypotheses], Stamped[SceneEstimate]]:
     """What both show after `end` s, of a look taken at 0."""
     generator = HypothesisGenerator(fake, 0.1, timing)
-    estimator = MctsPoseEstimator(fake, 0.1, timing)
+    estimator = SceneEstimator(fake, 0.1, timing)
     wire = (generator.GetOutputPort("hypotheses"), estimator.GetInputPort("hypotheses"))
     diagram = build(generator, estimator, connect=(wire,) if with_generator else ())
     context = diagram.CreateDefaultContext()
@@ -133,3 +134,7 @@ def test_an_image_without_a_surface_is_an_error_of_the_look(
     assert estimate == Stamped(None, 0.0, 1, "support surface: no plane found")
     assert (hypotheses.value is None) == (refuses == "hypotheses")
     assert len(fake.asked) == (2 if refuses == "hypotheses" else 3)
+
+
+def test_the_old_name_of_the_estimator_still_works() -> None:
+    assert systems.MctsPoseEstimator is SceneEstimator
