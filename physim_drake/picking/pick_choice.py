@@ -46,21 +46,32 @@ class MotionPlanner(Protocol):
 
 
 @dataclass(frozen=True)
+class PickAndPlace:
+    """All motions from where the arm is to where the object is let go.
+
+    Attributes:
+        pick: up to the object and off with it.
+        carry: the object's way to over the tote.
+        lower: from there to where it is let go; None if it falls from there.
+        drop: number of the tote's drop that it goes to.
+    """
+
+    pick: PickPlan
+    carry: ArmTrajectory
+    lower: ArmTrajectory | None
+    drop: int
+
+
+@dataclass(frozen=True)
 class Choice:
     """What is picked next, or why nothing is.
 
     Attributes:
-        pick: the pick; None where there is none.
-        carry: its object's way to over the tote.
-        lower: from there to where it is let go; None where it falls from there.
-        drop: number of the tote's drop that it goes to.
+        plan: the motions; None if nothing can be picked.
         reasons: why what came before it was not chosen, by the objects' names.
     """
 
-    pick: PickPlan | None
-    carry: ArmTrajectory | None
-    lower: ArmTrajectory | None
-    drop: int
+    plan: PickAndPlace | None
     reasons: Mapping[str, str]
 
 
@@ -98,12 +109,12 @@ def choose(
         planned += 1
         try:
             pick = planner.plan_pick(q, candidate)
-            carry, lower, drop = _plan_place(planner, pick, library, tote, fills)
+            plan = _with_place(planner, pick, library, tote, fills)
         except PlanFailure as failure:
             reasons.setdefault(candidate.name, str(failure))
             continue
-        return Choice(pick, carry, lower, drop, reasons)
-    return Choice(None, None, None, 0, reasons)
+        return Choice(plan, reasons)
+    return Choice(None, reasons)
 
 
 def _failed_before(
@@ -115,13 +126,13 @@ def _failed_before(
     )
 
 
-def _plan_place(
+def _with_place(
     planner: MotionPlanner,
     pick: PickPlan,
     library: ObjectLibrary,
     tote: Tote,
     fills: Fills,
-) -> tuple[ArmTrajectory, ArmTrajectory | None, int]:
+) -> PickAndPlace:
     """Carries the object over the walls first, then down as far as that can be.
 
     A long way is one with a detour; then another place in the tote may be better.
@@ -144,6 +155,7 @@ def _plan_place(
     carry, drop = min(ways, key=lambda way: way[0].duration)
     down = tote.release_point(drop, fills) - tote.over(drop, fills)
     try:
-        return carry, planner.plan_line(carry.end, down, pick.held), drop
+        lower = planner.plan_line(carry.end, down, pick.held)
     except PlanFailure:
-        return carry, None, drop
+        return PickAndPlace(pick, carry, None, drop)
+    return PickAndPlace(pick, carry, lower, drop)

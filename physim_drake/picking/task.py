@@ -18,9 +18,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from physim_drake.objects.model import ObjectLibrary
-from physim_drake.picking.pick_choice import Choice, MotionPlanner, choose
+from physim_drake.picking.arm_planner import PickPlan
+from physim_drake.picking.pick_choice import Choice, MotionPlanner, PickAndPlace, choose
 from physim_drake.picking.planner_config import PlanFailure
-from physim_drake.picking.policy import PickConditions, PickOrder, PickPolicy
+from physim_drake.picking.policy import (
+    PickCandidate,
+    PickConditions,
+    PickOrder,
+    PickPolicy,
+)
 from physim_drake.picking.scenario import TaskConfig
 from physim_drake.picking.scene_memory import (
     described,
@@ -77,11 +83,25 @@ class PickTask:
         return TaskState.at_rest(rest, self.tote.empty)
 
     def step(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        """What the task wants from now on; the very state where nothing changes."""
+        """What the task wants from now on; the very state if nothing changes."""
+        if state.phase is Phase.DONE:
+            return state
+        if state.plan is not None:
+            return self._step_of_pick(state, inputs, state.plan)
         steps: Mapping[Phase, Callable[[TaskState, TaskInputs], TaskState]] = {
             Phase.LOOK: self._look_again_when_there,
             Phase.SETTLE: self._trigger_when_still,
             Phase.ESTIMATE: self._decide_when_estimated,
+            Phase.RETREAT: self._look_when_clear,
+        }
+        return steps[state.phase](state, inputs)
+
+    def _step_of_pick(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
+        steps: Mapping[
+            Phase, Callable[[TaskState, TaskInputs, PickAndPlace], TaskState]
+        ] = {
             Phase.REACH: self._approach_when_there,
             Phase.APPROACH: self._seal_when_there,
             Phase.SEAL: self._lift_when_sealed,
@@ -89,9 +109,8 @@ class PickTask:
             Phase.CARRY: self._lower_when_there,
             Phase.LOWER: self._release_when_there,
             Phase.RELEASE: self._look_when_released,
-            Phase.RETREAT: self._look_when_clear,
         }
-        return steps[state.phase](state, inputs) if state.phase in steps else state
+        return steps[state.phase](state, inputs, plan)
 
     # One method a phase: what ends it, and what comes next.
 
@@ -120,61 +139,71 @@ class PickTask:
             return self._without_estimate(state, time, inputs.error)
         return self._decide(state, time, inputs.estimate)
 
-    def _approach_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        if inputs.time < state.motion.end or state.pick is None:
+    def _approach_when_there(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
+        if inputs.time < state.motion.end:
             return state
         on = replace(state, vacuum_on=True)
-        return on.enter(inputs.time, Phase.APPROACH, state.pick.approach)
+        return on.enter(inputs.time, Phase.APPROACH, plan.pick.approach)
 
-    def _seal_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
+    def _seal_when_there(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
         if inputs.time < state.motion.end:
             return state
         return state.enter(inputs.time, Phase.SEAL)
 
-    def _lift_when_sealed(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        assert state.pick is not None
+    def _lift_when_sealed(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
         if inputs.vacuum >= self.config.seal_level:
-            return state.enter(inputs.time, Phase.LIFT, state.pick.retreat)
+            return state.enter(inputs.time, Phase.LIFT, plan.pick.retreat)
         if inputs.time < state.since + self.config.seal_timeout:
             return state
-        return self._not_sealed(state, inputs)
+        return self._not_sealed(state, inputs, plan.pick)
 
-    def _carry_when_lifted(self, state: TaskState, inputs: TaskInputs) -> TaskState:
+    def _carry_when_lifted(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
         if inputs.vacuum < self.config.lost_level:
-            return self._dropped(state, inputs, "while it was lifted")
+            return self._dropped(state, inputs, plan.pick, "while it was lifted")
         if inputs.time < state.motion.end:
             return state
-        return state.enter(inputs.time, Phase.CARRY, state.carry)
+        return state.enter(inputs.time, Phase.CARRY, plan.carry)
 
-    def _lower_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
+    def _lower_when_there(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
         if inputs.vacuum < self.config.lost_level:
-            return self._dropped(state, inputs, "on the way to the tote")
+            return self._dropped(state, inputs, plan.pick, "on the way to the tote")
         if inputs.time < state.motion.end:
             return state
-        return state.enter(inputs.time, Phase.LOWER, state.lower)
+        return state.enter(inputs.time, Phase.LOWER, plan.lower)
 
-    def _release_when_there(self, state: TaskState, inputs: TaskInputs) -> TaskState:
+    def _release_when_there(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
         if inputs.time < state.motion.end:
             return state
         off = replace(state, vacuum_on=False)
         return off.enter(inputs.time, Phase.RELEASE)
 
-    def _look_when_released(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        assert state.pick is not None
+    def _look_when_released(
+        self, state: TaskState, inputs: TaskInputs, plan: PickAndPlace
+    ) -> TaskState:
         time, waited = inputs.time, inputs.time - state.since
         if inputs.vacuum >= _NO_VACUUM and waited > _MAX_RELEASE:
             return self._end(state, time, "the vacuum does not go away")
         if inputs.vacuum >= _NO_VACUUM or waited < self.config.release_time:
             return state
-        candidate = state.pick.candidate
+        candidate, held = plan.pick.candidate, plan.pick.held
         placed = replace(
             state,
             failures=0,
             view=0,
             placed=state.placed | {candidate.object_id},
-            fills=self.tote.filled(
-                state.fills, state.drop, state.pick.held, self.library
-            ),
+            fills=self.tote.filled(state.fills, plan.drop, held, self.library),
         )
         text = f"{candidate.name} is let go over the tote"
         noted = placed.noted(time, EventKind.PLACED, text, candidate.name)
@@ -229,10 +258,10 @@ class PickTask:
             return self._end(state, time, "what is left has been given up")
         choice = self._choose(state, known, self.policy)
         enough = state.views_of_scene >= config.max_views
-        if choice.pick is None and enough and self.last_resort is not None:
+        if choice.plan is None and enough and self.last_resort is not None:
             choice = self._choose(state, known, self.last_resort)
-        if choice.pick is not None:
-            return self._pick(state, time, choice)
+        if choice.plan is not None:
+            return self._pick(state, time, choice.plan, known)
         for name, reason in choice.reasons.items():
             state = state.noted(time, EventKind.NO_PLAN, f"{name}: {reason}", name)
         if not enough:
@@ -268,27 +297,24 @@ class PickTask:
         }
         return replace(choice, reasons={**choice.reasons, **missing})
 
-    def _pick(self, state: TaskState, time: float, choice: Choice) -> TaskState:
-        pick = choice.pick
-        assert pick is not None
-        candidate, known = pick.candidate, state.known
-        assert known is not None
+    def _pick(
+        self, state: TaskState, time: float, plan: PickAndPlace, known: SceneEstimate
+    ) -> TaskState:
+        candidate = plan.pick.candidate
         tries = state.tries.get(candidate.object_id, 0) + 1
         state = replace(
             state,
-            pick=pick,
-            carry=choice.carry,
-            lower=choice.lower,
-            drop=choice.drop,
+            plan=plan,
             tries={**state.tries, candidate.object_id: tries},
             obstacles=without_object(known, candidate.index),
         )
         noted = state.noted(time, EventKind.PICK, str(candidate), candidate.name)
-        return noted.enter(time, Phase.REACH, pick.transfer, self.config.planning_time)
+        way = plan.pick.transfer
+        return noted.enter(time, Phase.REACH, way, self.config.planning_time)
 
-    def _not_sealed(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        pick = state.pick
-        assert pick is not None
+    def _not_sealed(
+        self, state: TaskState, inputs: TaskInputs, pick: PickPlan
+    ) -> TaskState:
         candidate, time = pick.candidate, inputs.time
         level, wanted = inputs.vacuum, self.config.seal_level
         text = (
@@ -301,22 +327,23 @@ class PickTask:
             vacuum_on=False,
             failed_points={**state.failed_points, candidate.object_id: points},
         ).noted(time, EventKind.NO_SEAL, text, candidate.name)
-        off = self._after_failed_pick(state, time)
+        off = self._after_failed_pick(state, time, candidate)
         return self._failed(off, time) or off.enter(time, Phase.RETREAT, pick.retreat)
 
-    def _dropped(self, state: TaskState, inputs: TaskInputs, where: str) -> TaskState:
-        assert state.pick is not None
-        name, time = state.pick.candidate.name, inputs.time
+    def _dropped(
+        self, state: TaskState, inputs: TaskInputs, pick: PickPlan, where: str
+    ) -> TaskState:
+        name, time = pick.candidate.name, inputs.time
         text = f"{name} was lost {where}: the vacuum fell to {inputs.vacuum:.2f}"
         state = replace(state, vacuum_on=False, motion=state.motion.stopped(time))
         state = state.noted(time, EventKind.DROPPED, text, name)
-        off = self._after_failed_pick(state, time)
+        off = self._after_failed_pick(state, time, pick.candidate)
         return self._failed(off, time) or off.enter(time, Phase.RETREAT)
 
-    def _after_failed_pick(self, state: TaskState, time: float) -> TaskState:
+    def _after_failed_pick(
+        self, state: TaskState, time: float, candidate: PickCandidate
+    ) -> TaskState:
         """Counts the failure, and gives the object up after the last try."""
-        assert state.pick is not None
-        candidate = state.pick.candidate
         state = state.counted().touched()
         if state.tries[candidate.object_id] < self.config.tries:
             return state
@@ -331,5 +358,5 @@ class PickTask:
         return self._end(state, time, f"{state.failures} failures in a row")
 
     def _end(self, state: TaskState, time: float, reason: str) -> TaskState:
-        off = replace(state, vacuum_on=False)
+        off = replace(state, vacuum_on=False, plan=None)
         return off.noted(time, EventKind.END, reason).enter(time, Phase.DONE)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from physim_drake.picking.arm_planner import PickPlan
+from physim_drake.picking.pick_choice import PickAndPlace
 from physim_drake.picking.scene_memory import NOTHING_KNOWN
 from physim_drake.picking.tote import Fills
 from physim_drake.picking.trajectories import ArmTrajectory
@@ -119,10 +119,8 @@ class TaskState:
         failures: in a row, of any kind.
         known: what is known of the scene since it was last touched.
         obstacles: what was known of it before, without what was picked since.
-        pick: the pick being executed.
-        carry: the motion that takes its object to over the tote.
-        lower: the motion from there to where it is let go, if there is one.
-        drop: number of the tote's drop that it goes to.
+        plan: the pick being executed, from `Phase.REACH` to `Phase.RELEASE`; None in
+            all other phases.
         fills: how full the tote is thought to be.
         tries: executed picks by object id.
         failed_points: by object id, suction points that did not seal, p_O (3,).
@@ -142,10 +140,7 @@ class TaskState:
     failures: int = 0
     known: SceneEstimate | None = None
     obstacles: SceneEstimate = NOTHING_KNOWN
-    pick: PickPlan | None = None
-    carry: ArmTrajectory | None = None
-    lower: ArmTrajectory | None = None
-    drop: int = 0
+    plan: PickAndPlace | None = None
     fills: Fills = ()
     tries: Mapping[int, int] = field(default_factory=dict)
     failed_points: Mapping[int, tuple[Array, ...]] = field(default_factory=dict)
@@ -195,15 +190,7 @@ class TaskState:
 
     def touched(self) -> TaskState:
         """With the scene changed, so that what was seen of it does not hold."""
-        return replace(
-            self,
-            pick=None,
-            carry=None,
-            lower=None,
-            known=None,
-            views_of_scene=0,
-            empty_looks=0,
-        )
+        return replace(self, plan=None, known=None, views_of_scene=0, empty_looks=0)
 
 
 @dataclass(frozen=True)

@@ -73,8 +73,8 @@ class World:
         return 0.9 if on and state.phase != self.loses(pick) else 0.0
 
     def place(self, state: TaskState) -> None:
-        if state.phase is Phase.RELEASE and state.pick is not None:
-            self.table.pop(state.pick.candidate.object_id, None)
+        if state.phase is Phase.RELEASE and state.plan is not None:
+            self.table.pop(state.plan.pick.candidate.object_id, None)
 
 
 def count(state: TaskState, kind: EventKind) -> int:
@@ -114,6 +114,24 @@ def test_phases_follow_each_other() -> None:
     ]
 
 
+def test_there_is_a_plan_in_the_phases_of_a_pick_and_in_no_other() -> None:
+    picking = {
+        Phase.REACH,
+        Phase.APPROACH,
+        Phase.SEAL,
+        Phase.LIFT,
+        Phase.CARRY,
+        Phase.LOWER,
+        Phase.RELEASE,
+    }
+    loses = {1: Phase.LIFT, 2: Phase.CARRY}
+    world = World(make_task(), seals=lambda n: n != 3, loses=loses.get)
+    world.run()
+    for state in world.states:
+        assert (state.plan is not None) == (state.phase in picking)
+    assert {state.phase for state in world.states} >= {*picking, Phase.RETREAT}
+
+
 def test_the_reference_never_jumps() -> None:
     world = World(make_task(), loses=lambda n: Phase.CARRY if n == 1 else None)
     world.run()
@@ -135,7 +153,8 @@ def test_a_cup_that_does_not_seal_is_tried_elsewhere_after_another_look() -> Non
     assert not world.table
     (text,) = texts(end, EventKind.NO_SEAL)
     assert "the vacuum reached 0.00 of 0.45" in text
-    picked = [s.pick for s in world.states if s.phase is Phase.SEAL and s.pick]
+    sealing = [s.plan for s in world.states if s.phase is Phase.SEAL]
+    picked = [plan.pick for plan in sealing if plan]
     first, second = picked[0].candidate, picked[-1].candidate
     assert count(end, EventKind.PICK) == 3
     again = next(p.candidate for p in picked if p is not picked[0])
@@ -160,8 +179,8 @@ def test_an_object_is_given_up_after_its_tries_and_others_are_not() -> None:
     soap = library()[SOAP].name
     world = World(make_task())
     world.seals = lambda pick: (
-        world.states[-1].pick is None
-        or world.states[-1].pick.candidate.object_id != SOAP
+        world.states[-1].plan is None
+        or world.states[-1].plan.pick.candidate.object_id != SOAP
     )
     end = world.run()
     assert set(world.table) == {SOAP}
