@@ -33,14 +33,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import Method, PoseEstimator
 from physim_drake.models import PACKAGE_XML
-from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.detector import DetectionAlgorithm
-from physim_drake.picking.cell import PickCellGeometry, unusable_directives
+from physim_drake.picking.cell import PreparedCell, unusable_directives
 from physim_drake.picking.initial_scene import PlacedModel
 from physim_drake.picking.pick_choice import MotionPlanner
 from physim_drake.picking.planning_plant import find_frame
 from physim_drake.picking.policy import PickPolicy, TopOfPileFirst
-from physim_drake.picking.scenario import DetectorName, PickScenario
+from physim_drake.picking.scenario import DetectorName
 from physim_drake.picking.table_detector import TableDetector
 from physim_drake.picking.task import PickTask
 from physim_drake.picking.trajectories import rest_trajectory
@@ -94,9 +93,7 @@ class PickCell:
     on ports of `perception`, for whoever judges; nothing connects them to the task.
 
     Args:
-        scenario: the cell.
-        geometry: of the cell, with its planner.
-        library: the objects.
+        cell: the scenario, its objects and where things are.
         models: the objects of this episode.
         seed: of the camera's errors, the boxes and the search.
         parts: what replaces the usual parts.
@@ -111,14 +108,12 @@ class PickCell:
 
     def __init__(
         self,
-        scenario: PickScenario,
-        geometry: PickCellGeometry,
-        library: ObjectLibrary,
+        cell: PreparedCell,
         models: Sequence[PlacedModel],
         seed: int = 0,
         parts: PickCellParts = PickCellParts(),
     ) -> None:
-        self._scenario, self._geometry, self._library = scenario, geometry, library
+        self._cell, scenario = cell, cell.scenario
         builder = DiagramBuilder()
         self.plant, scene_graph = AddMultibodyPlant(scenario.plant_config, builder)
         scene_graph.set_config(scenario.scene_graph_config)
@@ -126,7 +121,7 @@ class PickCell:
         self._add_cup(scene_graph)
         self.plant.Finalize()
         self._set_rest(models)
-        self.instances = find_object_instances(self.plant, library, {})
+        self.instances = find_object_instances(self.plant, cell.library, {})
         gripper = self._add_gripper(builder, scene_graph)
         self.perception = self._add_perception(builder, scene_graph, seed, parts)
         self.task = self._add_task(builder, robot, parts)
@@ -156,11 +151,11 @@ class PickCell:
 
     def _add_models(self, models: Sequence[PlacedModel]) -> ModelInstanceIndex:
         """Adds everything to the plant; returns the robot's instance."""
-        plant, config = self.plant, self._scenario.planner
+        plant, config = self.plant, self._cell.scenario.planner
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
         parser.package_map().AddPackageXml(PACKAGE_XML)
-        directives = ModelDirectives(directives=list(self._scenario.directives))
+        directives = ModelDirectives(directives=list(self._cell.scenario.directives))
         try:
             ProcessModelDirectives(directives, parser)
         except RuntimeError as error:
@@ -169,7 +164,7 @@ class PickCell:
             parser.AddModels(model.sdf)
         for name in config.robot_models:
             plant.set_gravity_enabled(plant.GetModelInstanceByName(name), False)
-        drive = self._scenario.drive
+        drive = self._cell.scenario.drive
         gains = PdControllerGains(p=drive.stiffness, d=drive.damping)
         robot: ModelInstanceIndex = plant.GetJointByName(
             config.joints[0]
@@ -188,16 +183,16 @@ class PickCell:
         a bellows' stroke.
         """
         plant = self.plant
-        lip: Any = find_frame(plant, self._scenario.planner.tool_frame)
+        lip: Any = find_frame(plant, self._cell.scenario.planner.tool_frame)
         cup = lip.body()
         for geometry in plant.GetCollisionGeometriesForBody(cup):
             scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
         X_BG = lip.GetFixedPoseInBodyFrame()
-        add_cup_geometry(plant, cup, X_BG, self._scenario.gripper)
+        add_cup_geometry(plant, cup, X_BG, self._cell.scenario.gripper)
 
     def _set_rest(self, models: Sequence[PlacedModel]) -> None:
         """Robot at home, objects where they begin."""
-        plant, config = self.plant, self._scenario.planner
+        plant, config = self.plant, self._cell.scenario.planner
         home = dict(zip(config.joints, config.home, strict=True))
         for name, angle in {**config.other_joints, **home}.items():
             plant.GetJointByName(name).set_default_positions([angle])
@@ -216,7 +211,7 @@ class PickCell:
     def _add_gripper(
         self, builder: DiagramBuilder, scene_graph: SceneGraph
     ) -> SuctionGripper:
-        plant, robot = self.plant, set(self._scenario.planner.robot_models)
+        plant, robot = self.plant, set(self._cell.scenario.planner.robot_models)
         # Whatever the cup can touch, it can be sucked on to.
         touchable = [
             plant.get_body(index)
@@ -227,10 +222,10 @@ class PickCell:
         ]
         return SuctionGripper.AddToBuilder(
             builder,
-            self._scenario.gripper,
+            self._cell.scenario.gripper,
             plant,
             scene_graph,
-            find_frame(plant, self._scenario.planner.tool_frame),
+            find_frame(plant, self._cell.scenario.planner.tool_frame),
             touchable,
         )
 
@@ -241,19 +236,19 @@ class PickCell:
         seed: int,
         parts: PickCellParts,
     ) -> PerceptionDiagram:
-        look = self._scenario.look
+        cell, look = self._cell, self._cell.scenario.look
         detector = (
             parts.detector
-            or cell_network(self._scenario, self._library)
+            or cell_network(cell)
             or OracleDetector(self.instances, look.box_jitter, look.min_pixels)
         )
         return AddPerceptionDiagram(
             builder,
-            perception_config(self._scenario, self._geometry, seed),
+            perception_config(cell, seed),
             scene_graph,
             plant=self.plant,
-            library=self._library,
-            detector=TableDetector(detector, self._geometry.tote),
+            library=cell.library,
+            detector=TableDetector(detector, cell.geometry.tote),
             estimator=parts.estimator,
             meshcat=parts.meshcat,
         )
@@ -264,17 +259,18 @@ class PickCell:
         robot: ModelInstanceIndex,
         parts: PickCellParts,
     ) -> PickTaskSystem:
-        config, planner = self._scenario.task, self._geometry.planner
-        policy = parts.policy
+        config, policy = self._cell.scenario.task, parts.policy
+        geometry = self._cell.geometry
+        planner = geometry.planner
         task = PickTask(
             config,
             parts.planner or planner,
             policy or TopOfPileFirst(min_confidence=config.min_confidence),
             policy or TopOfPileFirst(min_confidence=config.last_confidence),
-            self._library,
-            self._geometry.conditions,
-            self._geometry.views,
-            self._geometry.tote,
+            self._cell.library,
+            geometry.conditions,
+            geometry.views,
+            geometry.tote,
         )
         rest = rest_trajectory(planner.scene, planner.home)
         system = PickTaskSystem(task, self._joint_layout(robot), rest)
@@ -282,7 +278,7 @@ class PickCell:
         return system
 
     def _joint_layout(self, robot: ModelInstanceIndex) -> JointLayout:
-        plant, config = self.plant, self._scenario.planner
+        plant, config = self.plant, self._cell.scenario.planner
         joints = [
             plant.get_joint_actuator(index).joint()
             for index in plant.GetJointActuatorIndices(robot)
@@ -300,10 +296,8 @@ class PickCell:
         return JointLayout(rest, [names.index(name) for name in config.joints])
 
 
-def cell_network(
-    scenario: PickScenario, library: ObjectLibrary
-) -> TrainedDetector | None:
-    """The network that a scenario asks for; None where it asks for the oracle.
+def cell_network(cell: PreparedCell) -> TrainedDetector | None:
+    """The network that a scenario asks for; None if it asks for the oracle.
 
     It may see each object of the library once, wherever it is, and is not told which of
     them an episode has.
@@ -311,7 +305,7 @@ def cell_network(
     Raises:
         InputError: where its weights cannot be used, or are for other objects.
     """
-    look = scenario.look
+    look, library = cell.scenario.look, cell.library
     if look.detector is DetectorName.ORACLE:
         return None
     config = NetworkDetectorConfig(
@@ -331,17 +325,16 @@ def cell_network(
         ) from error
 
 
-def perception_config(
-    scenario: PickScenario, geometry: PickCellGeometry, seed: int
-) -> PerceptionConfig:
+def perception_config(cell: PreparedCell, seed: int) -> PerceptionConfig:
     """The cell's perception, as the perception diagram takes it.
 
+    The support surface is the pick area.
+
     Args:
-        scenario: the cell.
-        geometry: where its pick area is, which is the support surface.
-        seed: of all its random choices.
+        cell: the prepared cell.
+        seed: seed of all its random choices.
     """
-    look = scenario.look
+    scenario, look = cell.scenario, cell.scenario.look
     return PerceptionConfig(
         camera=PerceptionCameraConfig(
             preset=look.camera,
@@ -357,7 +350,7 @@ def perception_config(
             representatives=look.hypotheses,
             workers=look.workers,
             seed=seed,
-            surface_height=float(geometry.X_WA[2, 3]),
+            surface_height=float(cell.geometry.X_WA[2, 3]),
             least_confidence=scenario.task.last_confidence,
         ),
         latency=LatencyConfig(estimator=look.latency),

@@ -23,8 +23,9 @@ from physim_drake.episodes.result import (
 )
 from physim_drake.episodes.stopwatch import Stopwatch, TimedPlanner
 from physim_drake.estimation.estimator import PoseEstimator
-from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
-from physim_drake.picking.initial_scene import PlacedModel, check_objects, draw_start
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.picking.cell import PickCellGeometry, prepare_cell
+from physim_drake.picking.initial_scene import PlacedModel, draw_start
 from physim_drake.picking.scenario import PickScenario
 from physim_drake.picking.task_state import EventKind, Phase, TaskState
 from physim_drake.poses import Array
@@ -59,7 +60,7 @@ class EpisodeRunner(Closing):
         parts: what replaces the usual parts of each cell.
 
     Raises:
-        InputError: where the scenario cannot work; see `check_cell`, `cell_network`.
+        InputError: where the scenario cannot work; see `prepare_cell`, `cell_network`.
 
     Use it as a context manager, or call `close`.
     """
@@ -69,25 +70,39 @@ class EpisodeRunner(Closing):
         scenario: PickScenario,
         parts: PickCellParts = PickCellParts(),  # noqa: B008 (frozen)
     ) -> None:
-        self.scenario = scenario
-        self.library = load_objects(scenario)
-        check_objects(scenario, self.library)
-        self.geometry = cell_geometry(scenario, self.library)
-        check_cell(scenario, self.geometry)
-        if parts.detector is None:  # read once, not for every episode
-            parts = replace(parts, detector=cell_network(scenario, self.library))
+        self._cell = prepare_cell(scenario)
+        self._watch = Stopwatch()
+        # Read once, not for every episode.
+        detector = parts.detector or cell_network(self._cell)
         self._folder = ScratchFolder()
         self._files = write_models(self.library, self._folder.path)
         self._own_estimator: PoseEstimator | None = None
         if parts.estimator is None:
-            config = perception_config(scenario, self.geometry, scenario.random_seed)
+            config = perception_config(self._cell, scenario.random_seed)
             self._own_estimator = PoseEstimator(
                 self.library, config.estimator.estimation
             )
-            parts = replace(parts, estimator=self._own_estimator)
-        self._watch = Stopwatch()
-        planner = parts.planner or self.geometry.planner
-        self._parts = replace(parts, planner=TimedPlanner(planner, self._watch))
+        self._parts = replace(
+            parts,
+            detector=detector,
+            estimator=parts.estimator or self._own_estimator,
+            planner=TimedPlanner(parts.planner or self.geometry.planner, self._watch),
+        )
+
+    @property
+    def scenario(self) -> PickScenario:
+        """The cell and its task."""
+        return self._cell.scenario
+
+    @property
+    def library(self) -> ObjectLibrary:
+        """The objects of the scenario."""
+        return self._cell.library
+
+    @property
+    def geometry(self) -> PickCellGeometry:
+        """Where things are in the cell."""
+        return self._cell.geometry
 
     def run(
         self,
@@ -108,14 +123,8 @@ class EpisodeRunner(Closing):
         start = draw_start(
             self.scenario, self.library, self._files, self.geometry.X_WA, episode
         )
-        cell = PickCell(
-            self.scenario,
-            self.geometry,
-            self.library,
-            start,
-            _seed(self.scenario.random_seed, episode),
-            self._parts,
-        )
+        seed = _seed(self.scenario.random_seed, episode)
+        cell = PickCell(self._cell, start, seed, self._parts)
         self._time_perception(cell)
         watch.lap("set-up")
         judge = _Judge(cell)

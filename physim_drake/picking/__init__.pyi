@@ -2,9 +2,11 @@
 from .arm_planner import ArmPlanner as ArmPlanner
 from .arm_planner import PickPlan as PickPlan
 from .cell import PickCellGeometry as PickCellGeometry
+from .cell import PreparedCell as PreparedCell
 from .cell import cell_geometry as cell_geometry
 from .cell import check_cell as check_cell
 from .cell import load_objects as load_objects
+from .cell import prepare_cell as prepare_cell
 from .planner_config import ArmPlannerConfig as ArmPlannerConfig
 from .policy import PickCandidate as PickCandidate
 from .policy import PickConditions as PickConditions

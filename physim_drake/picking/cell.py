@@ -11,6 +11,7 @@ import numpy as np
 from physim_drake.errors import InputError
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.picking.arm_planner import ArmPlanner
+from physim_drake.picking.initial_scene import check_objects
 from physim_drake.picking.planner_config import PlanFailure
 from physim_drake.picking.planning_plant import find_frame
 from physim_drake.picking.policy import PickConditions
@@ -46,6 +47,35 @@ class PickCellGeometry:
     views: tuple[Array, ...]
     tote: Tote
     conditions: PickConditions
+
+
+@dataclass(frozen=True)
+class PreparedCell:
+    """A scenario whose objects are loaded and whose robot can do its work.
+
+    Attributes:
+        scenario: the cell and its task.
+        library: the objects.
+        geometry: where things are.
+    """
+
+    scenario: PickScenario
+    library: ObjectLibrary
+    geometry: PickCellGeometry
+
+
+def prepare_cell(scenario: PickScenario) -> PreparedCell:
+    """Loads the objects of a scenario, reads its cell, and checks both.
+
+    Raises:
+        InputError: if the scenario cannot work; see `load_objects`, `check_objects`,
+            `cell_geometry` and `check_cell`.
+    """
+    library = load_objects(scenario)
+    check_objects(scenario, library)
+    geometry = cell_geometry(scenario, library)
+    check_cell(scenario, geometry)
+    return PreparedCell(scenario, library, geometry)
 
 
 def load_objects(scenario: PickScenario) -> ObjectLibrary:

@@ -22,8 +22,8 @@ from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.detector import DetectionAlgorithm, LabelImage
 from physim_drake.observation.observation import RgbdObservation
-from physim_drake.picking.cell import cell_geometry, check_cell, load_objects
-from physim_drake.picking.initial_scene import PlacedModel, check_objects, draw_start
+from physim_drake.picking.cell import prepare_cell
+from physim_drake.picking.initial_scene import PlacedModel, draw_start
 from physim_drake.picking.look_postures import LookingConditions, looking_postures
 from physim_drake.picking.scenario import PickScenario
 from physim_drake.picking.scene_memory import NOTHING_KNOWN, merged
@@ -99,10 +99,8 @@ class Explorer(Closing):
         look = replace(scenario.look, camera=conditions.camera, workers=config.workers)
         self._scenario = replace(scenario, look=look, random_seed=config.seed)
         self._config = config
-        self.library = load_objects(self._scenario)
-        check_objects(self._scenario, self.library)
-        self._geometry = cell_geometry(self._scenario, self.library)
-        check_cell(self._scenario, self._geometry)
+        prepared = prepare_cell(self._scenario)
+        self.library, self._geometry = prepared.library, prepared.geometry
         self._folder = ScratchFolder()
         self._files = write_models(self.library, self._folder.path)
         self.cell = LookingCell(
@@ -110,9 +108,7 @@ class Explorer(Closing):
         )
         self._estimator = PoseEstimator(
             self.library,
-            perception_config(
-                self._scenario, self._geometry, config.seed
-            ).estimator.estimation,
+            perception_config(prepared, config.seed).estimator.estimation,
         )
         self._learner = SceneLearner(
             self.library,

@@ -12,8 +12,12 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from physim_drake.models import APC11
-from physim_drake.objects.model import ObjectLibrary
-from physim_drake.picking.cell import PickCellGeometry, cell_geometry, load_objects
+from physim_drake.picking.cell import (
+    PickCellGeometry,
+    PreparedCell,
+    cell_geometry,
+    load_objects,
+)
 from physim_drake.picking.initial_scene import PlacedModel
 from physim_drake.picking.scenario import (
     DetectorName,
@@ -33,27 +37,26 @@ SOAP = 9
 
 
 @pytest.fixture(scope="module")
-def library() -> ObjectLibrary:
-    return load_objects(SCENARIO)
+def prepared() -> PreparedCell:
+    library = load_objects(SCENARIO)
+    return PreparedCell(SCENARIO, library, cell_geometry(SCENARIO, library))
 
 
 @pytest.fixture(scope="module")
-def geometry(library: ObjectLibrary) -> PickCellGeometry:
-    return cell_geometry(SCENARIO, library)
+def geometry(prepared: PreparedCell) -> PickCellGeometry:
+    return prepared.geometry
 
 
 @pytest.fixture(scope="module")
-def soap(library: ObjectLibrary, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_models(library, tmp_path_factory.mktemp("models"))[SOAP]
+def soap(prepared: PreparedCell, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_models(prepared.library, tmp_path_factory.mktemp("models"))[SOAP]
 
 
 @pytest.fixture
-def cell(
-    library: ObjectLibrary, geometry: PickCellGeometry, soap: Path
-) -> Iterator[PickCell]:
-    lowest = -float(library[SOAP].mesh.bounds[0, 2])
-    X_WO = geometry.X_WA @ make_pose(p=[0.0, 0.0, lowest])
-    cell = PickCell(SCENARIO, geometry, library, [PlacedModel(SOAP, soap, X_WO)])
+def cell(prepared: PreparedCell, soap: Path) -> Iterator[PickCell]:
+    lowest = -float(prepared.library[SOAP].mesh.bounds[0, 2])
+    X_WO = prepared.geometry.X_WA @ make_pose(p=[0.0, 0.0, lowest])
+    cell = PickCell(prepared, [PlacedModel(SOAP, soap, X_WO)])
     yield cell
     cell.close()
 
@@ -115,8 +118,8 @@ def test_planner_and_simulation_agree_where_the_camera_is(
     assert pytest.approx(scene.camera_pose(geometry.planner.home), abs=1e-3) == X_WC
 
 
-def test_the_task_hears_of_all_that_it_might_pick(geometry: PickCellGeometry) -> None:
-    estimation = perception_config(SCENARIO, geometry, 0).estimator.estimation
+def test_the_task_hears_of_all_that_it_might_pick(prepared: PreparedCell) -> None:
+    estimation = perception_config(prepared, 0).estimator.estimation
     assert estimation.required_confidence == SCENARIO.task.last_confidence
 
 
