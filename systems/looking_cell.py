@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.schema import Transform
 from pydrake.geometry import MakeRenderEngineVtk, RenderEngineVtkParams
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
@@ -138,14 +137,12 @@ class LookingCell:
         conditions: LookingConditions,
         seed: int,
     ) -> CameraSource:
-        config = PerceptionCameraConfig(
-            preset=conditions.camera,
-            depth_noise=conditions.noise,
-            color_noise=conditions.noise,
-            reflections=conditions.noise,
-            seed=seed,
-            X_PB=Transform(base_frame=scenario.planner.camera_frame),
-            renderer=_RENDERER,
+        config = PerceptionCameraConfig.at_frame(
+            scenario.planner.camera_frame,
+            conditions.camera,
+            conditions.noise,
+            seed,
+            _RENDERER,
         )
         sensor, echo = add_rgbd_sensors(builder, self._plant, graph, config)
         camera = CameraSource(config)

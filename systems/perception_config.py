@@ -9,12 +9,13 @@ from pathlib import Path
 
 from pydrake.common.schema import Transform
 
-from physim_drake.errors import InputError
-from physim_drake.estimation.estimator import EstimationConfig, Method
+from physim_drake.estimation.config import EstimationConfig
+from physim_drake.estimation.method_config import MethodConfig
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.detection_selection import ChoiceConfig
+from physim_drake.sensors.presets import CameraName
 from physim_drake.storage.typed_yaml import load_typed_yaml
 from physim_drake.systems.camera_source import CameraSourceConfig
 from physim_drake.systems.detector import OracleDetector, TrainedDetector
@@ -38,6 +39,34 @@ class PerceptionCameraConfig(CameraSourceConfig):
 
     X_PB: Transform = field(default_factory=Transform)
     renderer: str = "perception"
+
+    @classmethod
+    def at_frame(
+        cls,
+        frame: str,
+        preset: CameraName,
+        noise: bool,
+        seed: int,
+        renderer: str = "perception",
+    ) -> PerceptionCameraConfig:
+        """A camera whose optical frame is one of the plant's.
+
+        Args:
+            frame: name of the frame, as in ``arm::wrist``.
+            preset: which camera.
+            noise: whether depth and colour err and reflections cost depth.
+            seed: seed of all errors.
+            renderer: name of the renderer in the scene graph.
+        """
+        return cls(
+            preset=preset,
+            depth_noise=noise,
+            color_noise=noise,
+            reflections=noise,
+            seed=seed,
+            X_PB=Transform(base_frame=frame),
+            renderer=renderer,
+        )
 
 
 @dataclass(frozen=True)
@@ -103,52 +132,37 @@ class OracleDetectorConfig:
 
 
 @dataclass(frozen=True)
-class EstimatorConfig:
-    """How poses are estimated; see `EstimationConfig`.
+class EstimatorConfig(MethodConfig):
+    """How poses are estimated; see `MethodConfig` for the method and its effort.
 
     Attributes:
-        method: how.
-        expansions: budget of the search, per group of objects.
-        representatives: hypotheses per object that the search chooses from.
-        rounds: a group is searched at most this often.
-        workers: processes; the result does not depend on it.
-        seed: of all random choices.
-        surface_height: z of the support surface in the world, m; found in each image
-            where it is None.
-        least_confidence: an object that the image confirms by less is not found; the
-            method's own limit where it is None.
+        rounds: greatest number of searches of a group.
+        seed: seed of all random choices.
+        surface_height: z of the support surface in the world, m; None if it is to be
+            found in each image.
+        least_confidence: confidence below which an object is not found, 0..1; None
+            for the method's own limit.
     """
 
-    method: Method = Method.PHYSIM_MCTS
-    expansions: int = 250
-    representatives: int = 25
     rounds: int = 3
-    workers: int = 1
     seed: int = 0
     surface_height: float | None = None
     least_confidence: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("expansions", "representatives", "rounds", "workers"):
-            if getattr(self, name) < 1:
-                raise InputError(
-                    "estimator",
-                    f"is {getattr(self, name)}",
-                    "give a positive number",
-                    name,
-                )
+        super().__post_init__()
+        self._check_positive("rounds")
 
     @property
     def estimation(self) -> EstimationConfig:
         """The same for the algorithms."""
-        config = EstimationConfig(
-            self.method,
-            self.seed,
-            self.workers,
-            rounds=self.rounds,
-            least_confidence=self.least_confidence,
+        return self.applied_to(
+            EstimationConfig(
+                seed=self.seed,
+                rounds=self.rounds,
+                least_confidence=self.least_confidence,
+            )
         )
-        return config.with_budget(self.expansions, self.representatives)
 
 
 @dataclass(frozen=True)

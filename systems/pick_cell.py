@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.common.schema import Transform
 from pydrake.geometry import (
     Meshcat,
     MeshcatVisualizer,
@@ -336,18 +335,13 @@ def perception_config(cell: PreparedCell, seed: int) -> PerceptionConfig:
     """
     scenario, look = cell.scenario, cell.scenario.look
     return PerceptionConfig(
-        camera=PerceptionCameraConfig(
-            preset=look.camera,
-            depth_noise=look.noise,
-            color_noise=look.noise,
-            reflections=look.noise,
-            seed=seed,
-            X_PB=Transform(base_frame=scenario.planner.camera_frame),
+        camera=PerceptionCameraConfig.at_frame(
+            scenario.planner.camera_frame, look.camera, look.noise, seed
         ),
         estimator=EstimatorConfig(
             method=look.method,
             expansions=look.expansions,
-            representatives=look.hypotheses,
+            representatives=look.representatives,
             workers=look.workers,
             seed=seed,
             surface_height=float(cell.geometry.X_WA[2, 3]),

@@ -18,7 +18,7 @@ from pydrake.multibody.parsing import AddDirectives, ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
 
 from physim_drake.errors import InputError
-from physim_drake.estimation.estimator import Method
+from physim_drake.estimation.method_config import MethodConfig
 from physim_drake.models import PACKAGE_XML
 from physim_drake.objects.containers import ContainerName
 from physim_drake.picking.planner_config import ArmPlannerConfig
@@ -27,6 +27,8 @@ from physim_drake.storage.typed_yaml import load_typed_yaml
 from physim_drake.suction.cup import SuctionConfig
 
 _SCENARIO_PACKAGE = "package://scenario/"
+_RENAMED = {"hypotheses": "representatives"}
+"""Keys of scenario files that go by another name now."""
 
 
 def _plant() -> MultibodyPlantConfig:
@@ -165,8 +167,8 @@ class DetectorName(StrEnum):
 
 
 @dataclass(frozen=True)
-class LookConfig:
-    """How the cell sees.
+class LookConfig(MethodConfig):
+    """How the cell sees; see `MethodConfig` for the method and its effort.
 
     Attributes:
         camera: preset of the wrist camera.
@@ -179,10 +181,7 @@ class LookConfig:
         box_jitter: the oracle's boxes are off by up to this share of their size, a
             side.
         min_pixels: an object of which less shows is not detected.
-        method: how poses are estimated.
-        expansions: of a group's search.
-        hypotheses: representatives of an object.
-        workers: processes; the estimate does not depend on it.
+        expansions: see `MethodConfig`; fewer here, as a cell looks again.
         latency: simulated time that an estimate takes, s. The simulation does not
             know how long the computation takes; this is what a fast computer needs.
         views: viewpoints in the order they are used.
@@ -195,14 +194,14 @@ class LookConfig:
     least_score: float = 0.5
     box_jitter: float = 0.06
     min_pixels: int = 400
-    method: Method = Method.PHYSIM_MCTS
     expansions: int = 60
-    hypotheses: int = 25
-    workers: int = 1
     latency: float = 2.0
     views: tuple[ViewpointConfig, ...] = field(default_factory=_views)
 
+    _section = "look"
+
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.views:
             raise InputError("look", "is empty", "give one viewpoint or more", "views")
         if not 0.0 <= self.least_score <= 1.0:
@@ -323,7 +322,7 @@ def load_scenario(path: Path) -> PickScenario:
         InputError: where the file cannot be read, has an unknown key, or a value that
             cannot be.
     """
-    scenario = load_typed_yaml(path, PickScenario)
+    scenario = _read(path)
     folder = path.resolve().parent
     for directive in scenario.directives:
         _find_file(directive, folder)
@@ -333,6 +332,17 @@ def load_scenario(path: Path) -> PickScenario:
         look = replace(look, weights=str(folder / look.weights))
     objects = replace(scenario.objects, library=library)
     return replace(scenario, objects=objects, look=look)
+
+
+def _read(path: Path) -> PickScenario:
+    try:
+        return load_typed_yaml(path, PickScenario)
+    except InputError as error:
+        for old, new in _RENAMED.items():
+            if f"'{old}'" in error.problem:
+                remedy = f"{old!r} is called {new!r} now"
+                raise InputError(path, error.problem, remedy, error.field) from error
+        raise
 
 
 def _find_file(directive: ModelDirective, folder: Path) -> None:

@@ -22,7 +22,7 @@ WORKERS = (1, 2, 4, 1)
 
 CELL = """
 objects: {names: [dove_beauty_bar, crayola_24_ct], count: [2, 2], levels: [2]}
-look: {detector: oracle, expansions: 6, hypotheses: 4, latency: 0.2}
+look: {detector: oracle, expansions: 6, representatives: 4, latency: 0.2}
 max_duration: 2.0
 """
 

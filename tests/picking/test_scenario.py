@@ -81,6 +81,8 @@ objects: {library: things}
         ("directives: [{add_modle: {}}]", "add_modle"),
         ("look: {camera: d999}", "'d999' is not one of d415"),
         ("look: {views: []}", "look: views: is empty"),
+        ("look: {expansions: 0}", "look: expansions: is 0; give a positive number"),
+        ("look: {hypotheses: 9}", "'hypotheses' is called 'representatives' now"),
         ("look: {views: [{elevation_deg: 100}]}", "elevation 100 deg"),
         ("task: {tries: 0}", "task: tries: is less than 1"),
         ("task: {period: 0}", "task: period: is not positive"),
