@@ -27,15 +27,15 @@ class Link:
     """A link, and the joint that it turns on.
 
     Attributes:
-        name: of both.
-        xyz: of the joint in the link before, m.
-        axis: of the joint.
-        limits: of its angle, rad.
+        name: name of both.
+        xyz: position of the joint in the link before, m.
+        axis: axis of the joint.
+        limits: limits of its angle, rad.
         speed: limit, rad/s.
         effort: limit, N m.
         mass: kg.
-        size: of the box that stands for the link, m.
-        center: of that box, m.
+        size: size of the box that stands for the link, m.
+        center: center of that box, m.
     """
 
     name: str

@@ -3,9 +3,9 @@
 
     python examples/make_example_scene.py examples/data/tabletop
 
-Puts down a tissue box, a box of crayons on top of it and a bottle beside them; draws
-colour and depth with Drake's RenderEngineVtk; adds what a depth camera of the RealSense
-class adds; writes images, camera, true poses, masks and detections.
+Puts down a tissue box, a box of crayons on top of it and a bottle beside them. Draws
+colour and depth with Drake's RenderEngineVtk. Adds the errors of a depth camera of the
+RealSense class. Writes images, camera, true poses, masks and detections.
 """
 
 from __future__ import annotations
@@ -155,8 +155,8 @@ def camera_noise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What a depth camera makes of perfect images (our model, after RealSense's).
 
-    Depth errs by 0.7 mm + 1.8 mm z^2, alike in pixels near each other; it is missing at
-    steps of the depth and in spots; colour is a little soft and grainy.
+    Depth errs by 0.7 mm + 1.8 mm z^2, alike in pixels near each other. It is missing at
+    steps of the depth and in spots. Colour is a little soft and grainy.
     """
     grain = cv2.GaussianBlur(generator.normal(size=depth.shape), (0, 0), 1.5)
     sigma = 0.0007 + 0.0018 * depth**2
@@ -260,7 +260,7 @@ def write_png(path: Path, image: np.ndarray) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Writes JSON with one entry a line where it is a list."""
+    """Writes JSON, with one entry a line if it is a list."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if isinstance(value, list):
         text = "[\n" + ",\n".join(json.dumps(entry) for entry in value) + "\n]\n"

@@ -4,7 +4,7 @@
     python examples/replace_detector.py
 
 Any object with a method `detect` is a detector. This one takes what stands out of the
-table for the objects and tells them apart by their colours; it does not ask the
+table for the objects and tells them apart by their colours. It does not ask the
 simulator where they are.
 """
 
@@ -23,7 +23,7 @@ from physim_drake.poses import transform_points
 from physim_drake.systems import PerceptionConfig
 
 NAMES = ("folgers_classic_roast_coffee", "dove_beauty_bar", "crayola_24_ct")
-HEIGHT = 0.01  # m; what is higher above the table is no table
+HEIGHT = 0.01  # m; what is higher above the table is not the table
 FEWEST = 200  # pixels of an object
 
 

@@ -30,13 +30,13 @@ class CameraSourceConfig:
 
     Attributes:
         preset: which camera.
-        width: of the image, px; the preset's where it is None.
-        height: of the image, px; the preset's where it is None.
-        depth_noise: whether depth errs.
-        color_noise: whether colour errs.
-        reflections: whether depth is lost on dark and shiny surfaces, too; takes the
+        width: width of the image, px; the preset's if it is None.
+        height: height of the image, px; the preset's if it is None.
+        depth_noise: whether depth has errors.
+        color_noise: whether colour has errors.
+        reflections: whether depth is also lost on dark and shiny surfaces; needs the
             image by a lamp at the camera, `echo_image`.
-        seed: of all errors; those of the n-th look are always the same.
+        seed: seed of all errors; those of the n-th look are always the same.
     """
 
     preset: CameraName = CameraName.D415
@@ -102,10 +102,10 @@ class CameraSource(Source):
     ``depth_image_32f`` (ImageDepth32F, m) and ``label_image`` (ImageLabel16I) without
     errors; ``echo_image`` (ImageRgba8U), the colour by the light of a lamp at the
     camera alone; ``X_WC`` (RigidTransform), pose of the camera's optical frame. They
-    are evaluated, and so images are rendered, when a look is begun and never else.
+    are evaluated, and so images are rendered, only when a look is begun.
 
     Outputs: ``observation`` (Stamped[RgbdObservation]), whose X_WC is exact; ``labels``
-    (Stamped of an int16 image (height, width)), without a value where ``label_image``
+    (Stamped of an int16 image (height, width)), without a value if ``label_image``
     is not connected.
 
     Args:

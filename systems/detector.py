@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Says where in the image the objects are, by any algorithm: a network, an oracle."""
+"""Finds the objects in images by any algorithm: a network, an oracle."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class DetectorConfig:
     """How a detector is run.
 
     Attributes:
-        seed: of its random choices; those for the n-th look are always the same.
-        timing: when.
+        seed: seed of its random choices; those for the n-th look are always the same.
+        timing: when it looks at its inputs and shows its results.
     """
 
     seed: int = 0
@@ -82,12 +82,12 @@ class FindsInColor(Protocol):
 
 
 class TrainedDetector:
-    """What a network sees in the colour image; needs no labels.
+    """Detects what a network sees in the colour image. It does not need labels.
 
     Args:
-        network: for instance a `NetworkDetector`.
-        counts: how many there may be of each object, by its id.
-        config: which of its detections are believed.
+        network: network, for instance a `NetworkDetector`.
+        counts: greatest number of each object, by its id.
+        config: which of the network's detections are believed.
     """
 
     def __init__(
@@ -112,12 +112,12 @@ class TrainedDetector:
 
 
 class OracleDetector:
-    """Boxes of the pixels that truly show an object, a little off; needs labels.
+    """Boxes of the pixels that truly show an object, a little off. It needs labels.
 
     Args:
         instances: the objects that may be seen.
-        jitter: each side is off by up to this share of the box's size.
-        min_pixels: objects that show less are not detected.
+        jitter: share of the box's size that each side is off by at most.
+        min_pixels: number of pixels that an object must show to be detected.
     """
 
     def __init__(

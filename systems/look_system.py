@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What all systems that make something of looks have in common; see `stage`."""
+"""The base of all systems that make something of looks; see `stage`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class TimingConfig:
     """When a system looks at its inputs and shows its results.
 
     Attributes:
-        latency: results are shown this long after the work was begun, s; it stands
-            for computing time, of which the simulation knows nothing.
-        poll_period: how often inputs are looked at, s; 0 for each step of the
+        latency: time from the beginning of the work until its results are shown, s;
+            it stands for computing time, of which the simulation knows nothing.
+        poll_period: time between looks at the inputs, s; 0 for each step of the
             simulator.
     """
 
@@ -45,8 +45,8 @@ class LookSystem(LeafSystem):
 
     Args:
         outputs: name and type of each output port; a port holds `Stamped` of it.
-        inputs: how many ports wait for looks.
-        timing: when.
+        inputs: number of ports that wait for looks.
+        timing: latency and poll period.
     """
 
     def __init__(

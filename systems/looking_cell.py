@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The pick cell to look at: robot and objects stand still, the wrist camera sees."""
+"""The pick cell as a scene to look at: nothing moves but the wrist camera."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class LookingCell:
         library: the objects.
         files: their Drake models, by id.
         conditions: lights and camera.
-        seed: of the camera's errors.
+        seed: seed of the camera's errors.
 
     Attributes:
         instances: the objects in the plant; label images show their body's index.
 
     Raises:
-        InputError: where a model or frame is missing.
+        InputError: if a model or frame is missing.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class LookingCell:
 
         Args:
             q: the arm's joint angles, (n,).
-            number: of the look; the camera's errors are always the same for it.
+            number: number of the look; it decides the camera's errors.
 
         Returns:
             the image, whose X_WC comes from the arm's kinematics; and for judges the

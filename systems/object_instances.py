@@ -19,10 +19,10 @@ class ObjectInstance:
     """A model of a plant that is an object of the library.
 
     Attributes:
-        name: of the model instance.
-        object_id: the object it is.
-        body_index: of its body, whose frame is the object's frame O; renderers give
-            it to the body's pixels as their label.
+        name: name of the model instance.
+        object_id: id of the object it is.
+        body_index: index of its body, whose frame is the object's frame O. Renderers
+            give it to the body's pixels as their label.
     """
 
     name: str
@@ -36,14 +36,14 @@ def find_object_instances(
     """Finds the objects in a plant.
 
     Args:
-        plant: where they are; finalized.
+        plant: the plant that they are in; finalized.
         library: the objects.
-        names: object's name by model instance's, where they differ. An instance that
+        names: object's name by model instance's, if they differ. An instance that
             is not named here is the object of the same name, or of the same name with
-            ``_2``, ``_3``, ... added; others, such as a table, are no object.
+            ``_2``, ``_3``, ... added; others, such as a table, are not objects.
 
     Raises:
-        InputError: where `names` names what is not there, or an object's instance has
+        InputError: if `names` names what is not there, or an object's instance has
             more than one body.
     """
     found = []

@@ -70,13 +70,13 @@ class PerceptionDiagram(Diagram, Closing):
     ``with`` block, or with the interpreter.
 
     Args:
-        plant: where the objects are; finalized.
-        scene_graph: its geometry; gets the camera's renderers.
+        plant: the plant that the objects are in; finalized.
+        scene_graph: geometry of the plant; gets the camera's renderers.
         config: all settings.
         library: the objects.
         detector: replaces that of `config`.
         estimator: replaces that of `config`; whoever made it closes it.
-        meshcat: where estimates are shown, if at all.
+        meshcat: shows the estimates; may be None.
 
     Attributes:
         library: the objects.
@@ -238,19 +238,19 @@ def AddPerceptionDiagram(
     has a period, and close it at the end.
 
     Args:
-        builder: of the diagram; has a finalized plant and its scene graph.
+        builder: builder of the diagram; has a finalized plant and its scene graph.
         config: all settings.
-        scene_graph: the system named "scene_graph" where it is None.
-        plant: the system named "plant" where it is None.
+        scene_graph: the system named "scene_graph" if it is None.
+        plant: the system named "plant" if it is None.
         library: replaces that of `config`.
         detector: replaces that of `config`; see `DetectionAlgorithm`.
         estimator: replaces that of `config`; whoever made it closes it.
-        meshcat: where estimates are shown; where it is None and `config` asks for it,
-            one is started that shows the true scene, too.
-        name: of the perception diagram.
+        meshcat: shows the estimates; if it is None and `config` asks for it, one is
+            started that also shows the true scene.
+        name: name of the perception diagram.
 
     Raises:
-        InputError: where the plant has no camera frame or object of the names in
+        InputError: if the plant has no camera frame or object of the names in
             `config`, or the library cannot be used, or the detector's weights cannot
             be used or are for other objects.
     """

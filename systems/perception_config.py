@@ -34,7 +34,7 @@ class PerceptionCameraConfig(CameraSourceConfig):
         X_PB: pose of the optical frame (z forward, x right, y down) in the frame of
             the plant that its ``base_frame`` names, as in ``arm::wrist``; by default
             the world.
-        renderer: of the scene graph; is made where there is none of this name.
+        renderer: name of a renderer of the scene graph; it is made if there is none.
     """
 
     X_PB: Transform = field(default_factory=Transform)
@@ -74,11 +74,11 @@ class NetworkDetectorConfig:
     """A network that was trained to find the objects; see `TrainedDetector`.
 
     Attributes:
-        weights: what physim-drake train wrote, relative to the file of this
-            configuration; where it is empty, the weights that come with the package,
+        weights: file that physim-drake train wrote, relative to the file of this
+            configuration; if it is empty, the weights that come with the package,
             which know the objects of apc11.
-        least_score: less certain detections are dropped.
-        min_pixels: objects that show less are not detected.
+        least_score: score below which a detection is dropped, 0..1.
+        min_pixels: number of pixels that an object must show to be detected.
         pixels: use only what tells the class of every pixel; each object is then
             detected at most once.
     """
@@ -94,11 +94,11 @@ class NetworkDetectorConfig:
         """The detector of these objects.
 
         Args:
-            objects: which ones, by id.
-            counts: how many there may be of each.
+            objects: objects to find, by id.
+            counts: greatest number of each.
 
         Raises:
-            InputError: where the weights cannot be used, or are for other objects.
+            InputError: if the weights cannot be used, or are for other objects.
         """
         need_extra("train")
         # Imported here, since torch takes its time.
@@ -114,12 +114,12 @@ class NetworkDetectorConfig:
 
 @dataclass(frozen=True)
 class OracleDetectorConfig:
-    """A detector that knows what is where; see `OracleDetector`.
+    """A detector that knows where the objects are; see `OracleDetector`.
 
     Attributes:
-        jitter: each side of a box is off by up to this share of the box's size.
-        min_pixels: objects that show less are not detected.
-        seed: of the jitter.
+        jitter: share of a box's size that each side is off by at most.
+        min_pixels: number of pixels that an object must show to be detected.
+        seed: seed of the jitter.
     """
 
     jitter: float = 0.06
@@ -167,7 +167,7 @@ class EstimatorConfig(MethodConfig):
 
 @dataclass(frozen=True)
 class LatencyConfig:
-    """How long each stage is said to take, s of simulated time."""
+    """Simulated time that each stage takes, s."""
 
     camera: float = 0.0
     detector: float = 0.0
@@ -181,17 +181,17 @@ class PerceptionConfig:
 
     Attributes:
         camera: the camera, and where it is.
-        detector: used where no other detector is given to the diagram; in YAML an
+        detector: used if no other detector is given to the diagram; in YAML an
             oracle is tagged, as in ``detector: !OracleDetectorConfig {jitter: 0.06}``.
         estimator: how poses are estimated.
-        latency: of the stages.
-        period: of looks, s; None for looks by the trigger alone.
-        poll_period: how often stages look at their inputs, s; 0 for each step.
+        latency: latency of each stage.
+        period: time between looks, s; None for looks by the trigger alone.
+        poll_period: time between a stage's looks at its inputs, s; 0 for each step.
         library: the objects: a name of `LIBRARIES`, or a folder of models.
-        objects: object's name by model instance's, where they differ; see
+        objects: object's name by model instance's, if they differ; see
             `find_object_instances`.
         visualize: whether estimates are shown in Meshcat.
-        visualizer: how.
+        visualizer: how they are shown.
     """
 
     camera: PerceptionCameraConfig = field(default_factory=PerceptionCameraConfig)
@@ -209,10 +209,10 @@ class PerceptionConfig:
 
     @classmethod
     def load(cls, path: Path) -> PerceptionConfig:
-        """Reads a YAML file; the paths in it are relative to its folder.
+        """Reads a YAML file. The paths in it are relative to its folder.
 
         Raises:
-            InputError: where the file cannot be used.
+            InputError: if the file cannot be used.
         """
         config = load_typed_yaml(path, cls)
         detector = config.detector
@@ -227,6 +227,6 @@ class PerceptionConfig:
         """Reads the objects.
 
         Raises:
-            InputError: where they cannot be used.
+            InputError: if they cannot be used.
         """
         return ObjectLibrary.load(LIBRARIES.get(self.library, Path(self.library)))

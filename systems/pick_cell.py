@@ -67,14 +67,14 @@ _FRAME = 1 / 16  # s; replays are interpolated, and stay small
 
 @dataclass(frozen=True)
 class PickCellParts:
-    """What can be put in place of the usual parts; None for the usual.
+    """Parts that replace the usual ones; None for the usual one.
 
     Attributes:
         policy: which object is picked, and where.
         detector: finds objects in images; by default what the scenario asks for.
         estimator: estimates their poses; whoever made it closes it.
         planner: plans the arm's motions.
-        meshcat: where everything is shown.
+        meshcat: shows everything.
     """
 
     policy: PickPolicy | None = None
@@ -94,11 +94,11 @@ class PickCell:
     Args:
         cell: the scenario, its objects and where things are.
         models: the objects of this episode.
-        seed: of the camera's errors, the boxes and the search.
-        parts: what replaces the usual parts.
+        seed: seed of the camera's errors, the boxes and the search.
+        parts: parts that replace the usual ones.
 
     Attributes:
-        diagram: all of it.
+        diagram: the whole diagram.
         plant: robot, cell and objects.
         perception: camera to estimate.
         task: the task's system.
@@ -149,7 +149,7 @@ class PickCell:
         self.perception.close()
 
     def _add_models(self, models: Sequence[PlacedModel]) -> ModelInstanceIndex:
-        """Adds everything to the plant; returns the robot's instance."""
+        """Adds everything to the plant and returns the robot's instance."""
         plant, config = self.plant, self._cell.scenario.planner
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
@@ -302,7 +302,7 @@ def cell_network(cell: PreparedCell) -> TrainedDetector | None:
     them an episode has.
 
     Raises:
-        InputError: where its weights cannot be used, or are for other objects.
+        InputError: if its weights cannot be used, or are for other objects.
     """
     look, library = cell.scenario.look, cell.library
     if look.detector is DetectorName.ORACLE:

@@ -70,7 +70,7 @@ class PickTaskSystem(LeafSystem):
 
     Args:
         task: the task.
-        layout: of the robot's joints.
+        layout: layout of the robot's joints.
         rest: a motion that stays where the arm begins.
     """
 

@@ -25,10 +25,10 @@ class LookErrors:
     """The errors of one look's estimate.
 
     Attributes:
-        number: of the look.
-        time: when it was taken, s.
+        number: number of the look.
+        time: time at which it was taken, s.
         objects: one for each true object, in the plant's order; empty on error.
-        error: why there is no estimate, else empty.
+        error: why there is no estimate; empty if there is one.
     """
 
     number: int
@@ -61,7 +61,7 @@ class PoseErrorMonitor(Stage):
     Args:
         library: the objects.
         instances: which of them are there.
-        timing: when.
+        timing: latency and poll period.
     """
 
     def __init__(

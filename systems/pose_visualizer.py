@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Shows each new estimate in Meshcat, over whatever else is shown there."""
+"""Shows each new estimate in Meshcat, over whatever is already shown there."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class PoseVisualizerConfig:
     """What is shown, and how.
 
     Attributes:
-        path: in Meshcat, below which everything is drawn.
-        opacity: of the estimated models, 0..1.
+        path: path in Meshcat below which everything is drawn.
+        opacity: opacity of the estimated models, 0..1.
         cloud: whether the observed points are shown.
         cloud_stride: one pixel in this many is, along rows and columns.
-        point_size: of the points, m.
+        point_size: size of the points, m.
         history: whether looks stay below ``<path>/look <number>`` when the next comes,
             hidden, so that a recording shows each from its time on.
     """
@@ -53,10 +53,10 @@ class PoseVisualizer(Stage):
     without an estimate removes them.
 
     Args:
-        meshcat: where.
+        meshcat: the Meshcat that shows them.
         library: the models.
         config: what, and how.
-        timing: when.
+        timing: latency and poll period.
     """
 
     def __init__(

@@ -23,10 +23,11 @@ class ReplaySourceConfig:
     Attributes:
         dataset: root of a dataset in BOP layout.
         split: folder of its images.
-        images: which ones, as SCENE/IMAGE, in this order; all targets' where empty.
-        detections: a file of them; the dataset's ``detections.json`` where None.
+        images: which ones, as SCENE/IMAGE, in this order; all targets' if empty.
+        detections: a file of them; the dataset's ``detections.json`` if None.
         masks: take the dataset's visible masks as detections instead.
-        repeat: begin again after the last image; else there are no more looks.
+        repeat: whether to begin again after the last image; if not, there are no more
+            looks.
     """
 
     dataset: Path = Path()
@@ -59,7 +60,7 @@ class ReplaySource(Source):
         timing: see `Source`; a simulation of a replay alone needs a `poll_period`.
 
     Raises:
-        InputError: where the dataset or an image named does not exist.
+        InputError: if the dataset or an image named does not exist.
     """
 
     def __init__(

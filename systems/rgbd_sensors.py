@@ -42,7 +42,7 @@ def add_rgbd_sensors(
     scene_graph: SceneGraph,
     config: PerceptionCameraConfig,
 ) -> tuple[RgbdSensor, RgbdSensor | None]:
-    """Adds an RgbdSensor and, where reflections count, one that gives the echo image.
+    """Adds an RgbdSensor and, if reflections count, one that gives the echo image.
 
     Both render with VTK on EGL, which needs no display. Their body is the optical
     frame; that of the depth sensor is off by the camera's extrinsic error.
@@ -54,7 +54,7 @@ def add_rgbd_sensors(
         config: the camera.
 
     Raises:
-        InputError: where the plant has no frame of the name in ``X_PB``.
+        InputError: if the plant has no frame of the name in ``X_PB``.
     """
     mount = _mount(plant, config.X_PB)
     _add_renderer(scene_graph, config.renderer, _ROOM)

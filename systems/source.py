@@ -30,7 +30,7 @@ class Source(LookSystem):
 
     Args:
         outputs: name and type of each output port; a port holds `Stamped` of it.
-        period: of looks, s; None for looks by the trigger alone.
+        period: time between looks, s; None for looks by the trigger alone.
         timing: when triggers are seen and results are shown.
     """
 
@@ -54,10 +54,10 @@ class Source(LookSystem):
 
         Args:
             context: whose input ports show it.
-            number: of the look, from 1.
+            number: number of the look, from 1.
 
         Raises:
-            InputError: where that is not possible.
+            InputError: if that is not possible.
         """
 
     def has_look(self, number: int) -> bool:

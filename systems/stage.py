@@ -39,8 +39,8 @@ class Look:
     """What a stage works on.
 
     Attributes:
-        number: of the look, from 1.
-        time: when it was captured, s.
+        number: number of the look, from 1.
+        time: time at which it was captured, s.
         inputs: what each input port shows of it, `value` and `error`.
         last: the results of the look worked on before, one for each output port.
     """
@@ -63,14 +63,14 @@ class Stage(LookSystem):
     """Works on a look when all its inputs show it; see the module.
 
     Looks are matched by number, so that an input with a latency does not meet another
-    look on the port beside it; of looks that some input leaves out, none is worked on.
+    look on the port beside it. Looks that some input leaves out are not worked on.
 
     Args:
         inputs: name and type of each input port; a port expects `Stamped` of it.
         outputs: the same of the output ports.
-        timing: when.
+        timing: latency and poll period.
         optional: input ports that need not be connected.
-        takes_errors: whether it works on looks that could not be made, too.
+        takes_errors: whether it also works on looks that could not be made.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Stage(LookSystem):
         """Makes one value for each output port.
 
         Raises:
-            InputError: where that is not possible; see the module.
+            InputError: if that is not possible; see the module.
         """
 
     def _watch(self, state: LookState, context: Context) -> LookState:

@@ -32,10 +32,10 @@ class Stamped(Immutable, Generic[T]):
     """Something made of one look at the scene.
 
     Attributes:
-        value: the thing; None where there is none yet, or it could not be made.
-        time: when the image was captured, s.
-        number: of the look: 0 for none yet, then 1, 2, ...
-        error: why it could not be made, for the user; else empty.
+        value: the thing; None if it is not made yet or could not be made.
+        time: time at which the image was captured, s.
+        number: number of the look: 1, 2, ...; 0 before the first.
+        error: why it could not be made, for the user; empty if it could.
     """
 
     value: T | None = None

@@ -60,7 +60,7 @@ class SuctionGripper(LeafSystem):
         cup: index of the body that the cup is part of.
         X_BG: the lip's frame in that body.
         objects: the bodies that the cup may seal on.
-        surfaces: of each of them, in its body frame.
+        surfaces: surface of each of them, in its body frame.
     """
 
     def __init__(
@@ -173,20 +173,20 @@ class SuctionGripper(LeafSystem):
         """Adds a gripper and connects it to a plant.
 
         Args:
-            builder: of the diagram that plant and scene graph are in.
+            builder: builder of the diagram that plant and scene graph are in.
             config: the cup's.
             plant: finalized, with hydroelastic contact; its `applied_spatial_force`
                 is taken.
             scene_graph: where its geometry is registered.
             cup_frame: fixed on the cup's body at the lip's centre, z outward.
-            objects: bodies that the cup may seal on; a table or a wall, too, so that
+            objects: bodies that the cup may seal on, also a table or a wall, so that
                 the sensor is fooled as a real one is.
 
         Returns:
             the gripper; its `vacuum_on` is left to connect.
 
         Raises:
-            InputError: where contact would not hold what the vacuum pulls.
+            InputError: if contact would not hold what the vacuum pulls.
         """
         frame: Any = cup_frame  # whose methods have no types
         cup = frame.body()
@@ -230,7 +230,7 @@ def _check_contact(
             "contact_model",
         )
     default = scene_graph.get_config().default_proximity_properties.compliance_type
-    if default == "undefined":  # else what has no type of its own gets one later
+    if default == "undefined":  # or else what has no type of its own gets one later
         inspector = scene_graph.model_inspector()
         require_hydroelastic(plant, inspector, cup, soft=True)
         for body in objects:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Episodes that are done, kept so that a run that was cut off can go on."""
+"""Notes of finished episodes, from which a run that was cut off can go on."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _WITHOUT_EFFECT = "look.workers"
 
 
 class EpisodeNotes:
-    """What came of the episodes of a run.
+    """The results of a run's finished episodes.
 
     A result is kept as it is read from a file, whether or not it came from one, so that
-    what is told of a run does not depend on whether it was cut off.
+    the report of a run does not depend on whether it was cut off.
 
     Args:
-        progress: where they are kept; None keeps them for this run only.
-        earlier: what an earlier run left there.
+        progress: file that keeps them; None keeps them for this run only.
+        earlier: notes that an earlier run left there.
 
     Attributes:
-        results: by number, from 0.
+        results: results by the episode's number, from 0.
 
     Raises:
-        InputError: where it left something else.
+        InputError: if a note is not that of an episode.
     """
 
     def __init__(
@@ -44,10 +44,10 @@ class EpisodeNotes:
             self._keep(note)
 
     def add(self, result: EpisodeResult) -> EpisodeResult:
-        """Notes an episode; returns it as it is kept.
+        """Notes an episode and returns it as it is kept.
 
         Raises:
-            InputError: where the file cannot be written, or is there no more.
+            InputError: if the file cannot be written, or is not there any more.
         """
         note = to_plain(result)
         source = Path("episodes")
@@ -64,7 +64,7 @@ class EpisodeNotes:
 
 
 def scenario_settings(scenario: PickScenario) -> dict[str, str]:
-    """What decides about the episodes of a scenario, as text by name."""
+    """The settings that decide about a scenario's episodes, as text by name."""
     settings = _flat(scenario)
     del settings[_WITHOUT_EFFECT]
     return settings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What came of episodes: figures, errors and reasons, judged by the truth."""
+"""Results of episodes: figures, errors and reasons, judged by the truth."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class ObjectOutcome:
     """One object of an episode.
 
     Attributes:
-        name: the object's.
-        level: its interaction level at the beginning, 1 to 3.
+        name: name of the object.
+        level: interaction level at the beginning, 1 to 3.
         cleared: whether it truly ended in the tote.
-        reason: why not, else empty.
+        reason: why it did not; empty if it did.
     """
 
     name: str
@@ -43,10 +43,10 @@ class LookOutcome:
     """One look of an episode.
 
     Attributes:
-        number: from 1.
-        time: simulated, s.
-        errors: of the estimate, for each object that truly lay on the table.
-        error: why there was no estimate, else empty.
+        number: number of the look, from 1.
+        time: simulated time, s.
+        errors: errors of the estimate, for each object that truly lay on the table.
+        error: why there was no estimate; empty if there was one.
     """
 
     number: int
@@ -60,11 +60,11 @@ class EpisodeResult:
     """One episode.
 
     Attributes:
-        episode: its number, from 0.
-        objects: what lay on the table, and where it ended.
-        looks: with their errors.
+        episode: number of the episode, from 0.
+        objects: objects that lay on the table, and where they ended.
+        looks: looks with their errors.
         events: what the task did and why.
-        simulated: s.
+        simulated: simulated time, s.
         stages: wall time by stage, s.
     """
 
@@ -156,7 +156,7 @@ def summary(results: Sequence[EpisodeResult]) -> dict[str, Any]:
 
 
 def figures(results: Sequence[EpisodeResult]) -> dict[str, Any]:
-    """The figures over some episodes; docs/pick-cell.md says what each is."""
+    """The figures over some episodes, which docs/pick-cell.md explains."""
     simulated = sum(r.simulated for r in results)
     wall = sum(r.wall for r in results)
     succeeded = sum(r.succeeded for r in results)

@@ -53,14 +53,14 @@ _STAGES = {
 
 
 class EpisodeRunner(Closing):
-    """Runs episodes; keeps planner and estimator warm from one to the next.
+    """Runs episodes, and keeps planner and estimator warm from one to the next.
 
     Args:
         scenario: the cell and its task.
-        parts: what replaces the usual parts of each cell.
+        parts: parts that replace the usual ones of each cell.
 
     Raises:
-        InputError: where the scenario cannot work; see `prepare_cell`, `cell_network`.
+        InputError: if the scenario cannot work; see `prepare_cell`, `cell_network`.
 
     Use it as a context manager, or call `close`.
     """
@@ -109,14 +109,14 @@ class EpisodeRunner(Closing):
         episode: int,
         on_step: Callable[[PickCell, Context], None] = lambda _cell, _context: None,
     ) -> EpisodeResult:
-        """Runs one episode; its number and the scenario decide everything in it.
+        """Runs one episode. Its number and the scenario decide everything in it.
 
         Args:
-            episode: number, from 0.
-            on_step: is shown the cell and its context every 0.1 s of simulated time.
+            episode: number of the episode, from 0.
+            on_step: called with the cell and its context every 0.1 s of simulated time.
 
         Raises:
-            InputError: where no start of the episode can be drawn.
+            InputError: if no scene to begin with can be drawn.
         """
         watch = self._watch
         watch.restart()
@@ -150,7 +150,7 @@ class EpisodeRunner(Closing):
 
     @contextmanager
     def _recorded(self) -> Iterator[None]:
-        """Makes a replay, where there is a Meshcat, of what happens meanwhile."""
+        """If there is a Meshcat, makes a replay of what happens meanwhile."""
         meshcat = self._parts.meshcat
         if meshcat is None:
             yield
@@ -168,7 +168,7 @@ class EpisodeRunner(Closing):
         judge: _Judge,
         on_step: Callable[[PickCell, Context], None],
     ) -> TaskState:
-        """Runs the task to its end; returns what it knows then."""
+        """Runs the task to its end and returns what it knows then."""
         simulator = Simulator(cell.diagram)
         context = simulator.get_mutable_context()
         judge.watch(context)
@@ -269,10 +269,10 @@ def _seed(seed: int, episode: int) -> int:
 
 
 def local_meshcat(host: str = "localhost", port: int | None = None) -> Meshcat:
-    """A Meshcat server that only this computer reaches, unless told otherwise.
+    """A Meshcat server that by default only this computer reaches.
 
     Args:
         host: the address to listen at; "*" for all.
-        port: None for the first free one from 7000.
+        port: port to listen at; None for the first free one from 7000.
     """
     return Meshcat(MeshcatParams(host=host, port=port))

@@ -51,9 +51,9 @@ class PickPlan:
 
     Attributes:
         candidate: what is picked, and where.
-        transfer: to the pre-grasp.
-        approach: along the cup's axis, to a little beyond contact.
-        retreat: with the object, off what it lies on.
+        transfer: motion to the pre-grasp.
+        approach: motion along the cup's axis, to a little beyond contact.
+        retreat: motion with the object, off what it lies on.
         X_WG: the cup's pose where the approach ends, (4, 4).
         held: the object at the cup, as it should be from there on.
     """
@@ -67,7 +67,7 @@ class PickPlan:
 
     @property
     def duration(self) -> float:
-        """Of all motions, s."""
+        """Duration of all motions, s."""
         return sum(t.duration for t in (self.transfer, self.approach, self.retreat))
 
 
@@ -90,7 +90,7 @@ class ArmPlanner:
         config: names in the directives, distances and speeds.
 
     Raises:
-        InputError: where the directives lack a name of the configuration.
+        InputError: if the directives lack a name of the configuration.
     """
 
     def __init__(
@@ -108,11 +108,11 @@ class ArmPlanner:
         return np.array(self.config.home)
 
     def set_scene(self, estimate: SceneEstimate) -> None:
-        """Plans from now on among the objects of an estimate that were found."""
+        """From now on, plans among those objects of an estimate that were found."""
         self.scene.set_objects(placed_objects(estimate, self.library))
 
     def set_other_joints(self, angles: Mapping[str, float]) -> None:
-        """Says where joints are that are not planned, rad by name."""
+        """Sets the angles of joints that are not planned, rad by name."""
         self.scene.set_other_joints(angles)
 
     def solve_ik(
@@ -128,13 +128,13 @@ class ArmPlanner:
 
         Args:
             X_WG: the pose, (4, 4).
-            q_near: the solution is near it, (n,).
+            q_near: configuration that the solution should be near, (n,).
             free_turn: whether any turn about the cup's axis will do.
-            cone: the cup's axis may be off by this much, rad.
-            radius: the lip's centre may be off by this much, m.
+            cone: angle that the cup's axis may be off by, rad.
+            radius: distance that the lip's centre may be off by, m.
 
         Raises:
-            PlanFailure: where there is none.
+            PlanFailure: if there is no such configuration.
         """
         goal = PoseGoal(self.scene.tool_frame, X_WG, free_turn, cone, radius)
         search = IkSearch(self.scene, goal, q_near, self._generator())
@@ -148,12 +148,12 @@ class ArmPlanner:
         """Moves the arm to a configuration.
 
         Args:
-            q_start: where it is, (n,).
-            q_goal: where it goes, (n,).
+            q_start: where the arm is, (n,).
+            q_goal: where it is to go, (n,).
             held: the object at the cup.
 
         Raises:
-            PlanFailure: where no way is found.
+            PlanFailure: if no way is found.
         """
         with self.scene.state(held=held, start=q_start):
             path = connect(self.scene, q_start, q_goal, self._generator(), "transfer")
@@ -167,7 +167,7 @@ class ArmPlanner:
             candidate: what to pick; its index refers to the scene that is set.
 
         Raises:
-            PlanFailure: where no configuration, line or way is found.
+            PlanFailure: if no configuration, line or way is found.
         """
         scene, generator = self.scene, self._generator()
         X_pre = candidate.X_WG.copy()
@@ -206,10 +206,10 @@ class ArmPlanner:
             X_WG_place: the cup's pose there, (4, 4); see `drop_pose`.
             held: the object.
             free_turn: whether any turn about the cup's axis will do.
-            cone: the cup's axis may be off by this much, rad.
+            cone: angle that the cup's axis may be off by, rad.
 
         Raises:
-            PlanFailure: where no configuration or way is found.
+            PlanFailure: if no configuration or way is found.
         """
         goal = PoseGoal(self.scene.tool_frame, X_WG_place, free_turn, cone)
         return self._plan_to_pose(q_now, goal, held, "carry", "the drop pose")
@@ -221,11 +221,11 @@ class ArmPlanner:
 
         Args:
             q_now: where the arm is, (n,).
-            shift_W: how far it goes, (3,), m.
+            shift_W: vector that the cup moves along, (3,), m.
             held: the object at the cup.
 
         Raises:
-            PlanFailure: where the arm cannot follow the line, or would touch something.
+            PlanFailure: if the arm cannot follow the line, or would touch something.
         """
         scene = self.scene
         with scene.state(held=held, start=q_now):
@@ -247,11 +247,11 @@ class ArmPlanner:
             q_now: where the arm is, (n,).
             X_WC: the camera's pose, (4, 4).
             held: the object at the cup.
-            cone: the optical axis may be off by this much, rad.
-            radius: the camera may be off by this much, m.
+            cone: angle that the optical axis may be off by, rad.
+            radius: distance that the camera may be off by, m.
 
         Raises:
-            PlanFailure: where no configuration or way is found.
+            PlanFailure: if no configuration or way is found.
         """
         goal = PoseGoal(self.scene.camera_frame, X_WC, True, cone, radius)
         return self._plan_to_pose(q_now, goal, held, "look", "the viewpoint")
@@ -264,7 +264,7 @@ class ArmPlanner:
         Args:
             p_WT: what to look at, (3,), m.
             q_now: where the arm is, (n,).
-            p_WR: where the robot stands, (3,), m; the world's origin where it is None.
+            p_WR: where the robot stands, (3,), m; the world's origin if it is None.
 
         Yields:
             at most one for each side: front, left, right, top.
@@ -319,7 +319,7 @@ class ArmPlanner:
         return _Grasp(approach, retreat, X_WG, held)
 
     def _retreat(self, q: Array, candidate: PickCandidate) -> Array:
-        """A straight line off: upwards, or else back along the cup's axis."""
+        """A straight line off: upwards, or if that fails, back along the cup's axis."""
         up = np.array([0.0, 0.0, self.config.lift])
         back = -self.config.lift * candidate.approach
         failures = []
@@ -373,7 +373,7 @@ def drop_pose(library: ObjectLibrary, held: HeldObject, p_WD: Array) -> Array:
     Args:
         library: with the object's model.
         held: the object at the cup.
-        p_WD: its lowest point will be above this one, at its height, (3,), m.
+        p_WD: point that the object's lowest point is to reach, (3,), m.
 
     Returns:
         X_WG (4, 4); its turn about the cup's axis does not matter.

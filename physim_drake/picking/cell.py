@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a scenario's cell offers: planner, viewpoints, tote; and whether it can work."""
+"""The planner, viewpoints and tote of a scenario's cell, and whether it can work."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from physim_drake.sensors.presets import PRESETS
 
 _DOWN = np.diag([1.0, -1.0, -1.0])
 _DROPS = np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, 0.35], [0.0, -0.35], [0.0, 0.0]])
-"""Points of the tote, as shares of its half extents; the first ones far apart."""
+"""Points of the tote, as shares of its half extents, the first ones far apart."""
 
 _REACH_HEIGHT = 0.10  # m above the pick area, where the arm must get to
 _CONE = 0.35  # rad; the reach need not be upright
@@ -35,11 +35,11 @@ class PickCellGeometry:
     """Where things are in a scenario's cell.
 
     Attributes:
-        planner: of the arm; with the scenario's robot and cell.
+        planner: the arm's planner, with the scenario's robot and cell.
         X_WA: pose of the pick area, z up, (4, 4).
         views: poses of the camera X_WC (4, 4), as the scenario lists them.
         tote: where objects go.
-        conditions: for every pick.
+        conditions: what holds for every pick.
     """
 
     planner: ArmPlanner
@@ -82,7 +82,7 @@ def load_objects(scenario: PickScenario) -> ObjectLibrary:
     """The objects of a scenario.
 
     Raises:
-        InputError: where a model is missing, or there are too few of them.
+        InputError: if a model is missing, or there are too few.
     """
     library = ObjectLibrary.load(Path(scenario.objects.library))
     if scenario.objects.names:
@@ -103,7 +103,7 @@ def cell_geometry(scenario: PickScenario, library: ObjectLibrary) -> PickCellGeo
     """Reads the cell of a scenario.
 
     Raises:
-        InputError: where a file or frame is missing.
+        InputError: if a file or frame is missing.
     """
     try:
         planner = ArmPlanner(scenario.directives, library, scenario.planner)
@@ -146,10 +146,10 @@ def unusable_directives(error: Exception) -> InputError:
 
 
 def check_cell(scenario: PickScenario, cell: PickCellGeometry) -> None:
-    """Says whether the robot of a cell can do its work, before anything is simulated.
+    """Checks that the robot of a cell can do its work, before anything is simulated.
 
     Raises:
-        InputError: where its home is beyond a joint's limits or touches something, the
+        InputError: if its home is beyond a joint's limits or touches something, the
             pick area or tote is out of reach, or the camera cannot see the pick area.
     """
     planner = cell.planner

@@ -49,10 +49,10 @@ def scene_config(scenario: PickScenario, episode: int) -> SceneConfig:
 
 
 def check_objects(scenario: PickScenario, library: ObjectLibrary) -> None:
-    """Says whether the scenes of a scenario can be made.
+    """Checks that the scenes of a scenario can be made.
 
     Raises:
-        InputError: where they cannot.
+        InputError: if they cannot be made.
     """
     for episode in range(len(scenario.objects.levels)):
         check_scene_config(library, scene_config(scenario, episode))
@@ -68,15 +68,15 @@ def draw_start(
     """Draws a settled scene that fits in the pick area.
 
     Args:
-        scenario: says which objects, how many, and how they depend on each other.
+        scenario: which objects, how many, and how they depend on each other.
         library: the objects.
         files: their Drake models, by id.
         X_WA: pose of the pick area, (4, 4).
-        episode: number, from 0; the same arguments give the same scene.
+        episode: number of the episode, from 0; decides the scene with the others.
 
     Raises:
-        InputError: where no scene fits in.
-        PhysimError: where none settles.
+        InputError: if no scene fits into the pick area.
+        PhysimError: if no scene settles.
     """
     config = scene_config(scenario, episode)
     half = np.array(scenario.pick_area.half_extents)

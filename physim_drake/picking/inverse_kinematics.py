@@ -40,11 +40,11 @@ class PoseGoal:
     """Where a frame is to go.
 
     Attributes:
-        frame: of the robot.
-        X_WF: its pose, (4, 4).
+        frame: frame of the robot.
+        X_WF: pose that it is to have, (4, 4).
         free_turn: whether any turn about its z axis will do.
-        cone: its z axis may be off by this much, rad.
-        radius: its origin may be off by this much, m.
+        cone: angle that its z axis may be off by, rad.
+        radius: distance that its origin may be off by, m.
     """
 
     frame: Frame
@@ -63,8 +63,8 @@ class IkSearch:
     Args:
         scene: robot, cell and objects, with its paddings set.
         goal: the pose.
-        q_near: where the arm should stay near to, (n,).
-        generator: of the start guesses.
+        q_near: configuration that the arm should stay near, (n,).
+        generator: random source of the start guesses.
 
     Attributes:
         blocked: a configuration that reached the goal but touches something.
@@ -178,13 +178,13 @@ def refine(
 
     Args:
         scene: the robot.
-        goal: the pose; within its cone and radius, and with its turn where that is
-            free, the frame stays as it is.
+        goal: the pose; within its cone and radius, and in a turn that is free, the
+            frame stays as it is.
         q: a configuration near the goal, (n,).
-        iterations: at most so many steps.
+        iterations: greatest number of steps.
 
     Returns:
-        the configuration, to 1e-6 m and rad; None where it is not reached within the
+        the configuration, to 1e-6 m and rad; None if it is not reached within the
         joints' limits.
     """
     for _ in range(iterations):

@@ -40,7 +40,7 @@ def surface_heights(
 
     Returns:
         the height of the highest point that each ray meets, over the plane through the
-        centre, (N, R), m; NaN where it meets none.
+        centre, (N, R), m; NaN if it meets no face.
     """
     x, y = plane_axes(normals)
     triangles = np.ascontiguousarray(mesh.triangles, dtype=float)

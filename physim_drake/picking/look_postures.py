@@ -77,14 +77,14 @@ def looking_postures(
     """Postures in which the wrist camera looks at a target from other sides each time.
 
     Each has a way to it from the one before that touches nothing the planner knows of;
-    tell it what was seen before asking for the next.
+    set what was seen before you ask for the next.
 
     Args:
-        planner: of the arm.
+        planner: the arm's planner.
         p_WT: what to look at, (3,), m.
-        views: so many; fewer where the arm cannot take them.
-        rng: source of the viewpoints.
-        q_start: where the arm is, (n,); at home where it is None.
+        views: number of postures; fewer are given if the arm cannot take them.
+        rng: random source of the viewpoints.
+        q_start: where the arm is, (n,); the home posture if it is None.
 
     Yields:
         joint angles, (n,).

@@ -27,21 +27,21 @@ def connect(
 ) -> Array:
     """Finds a free polyline between two configurations.
 
-    The straight line, else one that begins or ends by lifting the tool straight up,
+    The straight line, or one that begins or ends by lifting the tool straight up,
     else one by way of the home posture, else RRT-Connect; detours are cut short.
 
     Args:
         scene: robot and obstacles, with its paddings set.
         q_start: (n,).
         q_goal: (n,).
-        generator: of the search.
+        generator: random source of the search.
         stage: what a failure is called.
 
     Returns:
         (N, n), both ends included.
 
     Raises:
-        PlanFailure: where none is found.
+        PlanFailure: if no way is found.
     """
     # Where the arm is, it may have overshot into the margin that plans keep.
     for q, place, slack in (
@@ -76,7 +76,7 @@ def connect(
 
 
 def _by_known_ways(scene: PlanningScene, q_start: Array, q_goal: Array) -> Array | None:
-    """A polyline of few straight motions, where one of the usual ones is free."""
+    """A polyline of few straight motions, if one of the usual ones is free."""
     ups = [q_start[None]], [q_goal[None]]
     for q, choices in zip((q_start, q_goal), ups, strict=True):
         up = np.array([0.0, 0.0, scene.config.lift])
@@ -98,16 +98,16 @@ def straight_line(
 
     Args:
         scene: robot and obstacles, with its paddings set.
-        frame: of the robot.
+        frame: frame of the robot.
         q_start: where the line begins, (n,).
-        shift_W: from there to its end, (3,), m.
+        shift_W: vector from there to its end, (3,), m.
         stage: what a failure is called.
 
     Returns:
         (N, n), points of the line `line_step` apart.
 
     Raises:
-        PlanFailure: where the arm cannot follow the line, or would touch something.
+        PlanFailure: if the arm cannot follow the line, or would touch something.
     """
     X_start = scene.pose(frame, q_start)
     length = float(np.linalg.norm(shift_W))

@@ -23,10 +23,10 @@ _SAME_POINT = 0.012  # m; a point nearer to one that did not seal is not tried a
 
 
 class MotionPlanner(Protocol):
-    """What the task asks a planner; `ArmPlanner` is one."""
+    """The plans that the task asks for; `ArmPlanner` makes them."""
 
     def set_scene(self, estimate: SceneEstimate) -> None:
-        """Plans from now on among these objects."""
+        """From now on, plans among these objects."""
 
     def plan_look(self, q_now: Array, X_WC: Array) -> ArmTrajectory:
         """Brings the camera to a pose."""
@@ -50,9 +50,9 @@ class PickAndPlace:
     """All motions from where the arm is to where the object is let go.
 
     Attributes:
-        pick: up to the object and off with it.
-        carry: the object's way to over the tote.
-        lower: from there to where it is let go; None if it falls from there.
+        pick: motions up to the object and off with it.
+        carry: motion of the object to over the tote.
+        lower: motion from there to where it is let go; None if it falls from there.
         drop: number of the tote's drop that it goes to.
     """
 
@@ -95,7 +95,7 @@ def choose(
         q: where the arm is, (n,).
         fills: how full the tote is.
         failed_points: points that did not seal, by object id, p_O (3,).
-        max_plans: so many candidates are tried.
+        max_plans: number of candidates that are planned at most.
     """
     reasons = {item.name: item.reason for item in order.look_again}
     planned = 0
@@ -135,7 +135,7 @@ def _with_place(
 ) -> PickAndPlace:
     """Carries the object over the walls first, then down as far as that can be.
 
-    A long way is one with a detour; then another place in the tote may be better.
+    A long way has a detour. Another place in the tote may then be better.
     """
     failure: PlanFailure | None = None
     ways: list[tuple[ArmTrajectory, int]] = []

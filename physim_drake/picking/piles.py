@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Which object lies on which, from estimated poses.
 
-What matters for picking is what would come along: object j is on object i where lifting
-i would run into j. So i is shifted up step by step, and j is on it where the overlap of
-the two grows. Estimates overlap by millimetres where objects lie side by side; that
+What matters for picking is what would come along: object j is on object i if lifting i
+would run into j. So i is shifted up step by step, and j is on it if the overlap of the
+two grows. Estimates overlap by millimetres if objects lie side by side; that
 overlap does not grow.
 """
 
@@ -32,7 +32,7 @@ def objects_on(
 
     Args:
         placed: the objects, in W.
-        up_W: against gravity, unit, (3,); z where it is None.
+        up_W: against gravity, unit, (3,); z if it is None.
 
     Returns:
         the indices of the objects above, by index; objects that hold each other are
@@ -71,7 +71,7 @@ def _middle(item: PlacedObject) -> Array:
 
 
 def _overlap(model: ObjectModel, X_WA: Array, other: ObjectModel, X_WB: Array) -> float:
-    """How deep surface points of one body are in the other, m, 0 where none is."""
+    """How deep surface points of one body are in the other, m, 0 if none is."""
     X_AB = inverse(X_WA) @ X_WB
     depth = 0.0
     for outer, inner, X in ((model, other, X_AB), (other, model, inverse(X_AB))):

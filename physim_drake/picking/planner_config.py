@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the arm's planner is told about the robot, and how careful it is.
+"""What the arm's planner knows about the robot, and how careful it is.
 
 The defaults are those of the left arm of `models/motoman_sda10f`.
 """
@@ -30,7 +30,7 @@ class ArmPlannerConfig:
             `torso_joint_b1` in front to let the torso turn.
         home: a posture above the table from which most of it is reached, rad, one for
             each joint.
-        other_joints: where the robot's other joints are, rad; 0 where not named.
+        other_joints: angles of the robot's other joints, rad; 0 if not named.
         limits: narrower limits (lower, upper) by joint, rad.
         tool_frame: `model::frame` of the cup's lip, z outward.
         camera_frame: `model::frame` of the camera, z forward.
@@ -46,16 +46,16 @@ class ArmPlannerConfig:
         pre_grasp: the straight approach begins this far off the surface, m.
         press: the cup is pressed this much beyond the contact of its whole lip, m.
         lift: height of the straight retreat, m.
-        line_step: between two configurations of a straight line, m.
+        line_step: distance between two configurations of a straight line, m.
         speed: share of the joints' speed limits that is used, 0..1.
-        acceleration: the same, of their acceleration limits.
-        default_acceleration: of joints without a limit, rad/s^2.
-        line_speed: of the cup on straight lines, m/s.
+        acceleration: share of their acceleration limits that is used, 0..1.
+        default_acceleration: limit of joints that have none, rad/s^2.
+        line_speed: speed of the cup on straight lines, m/s.
         carry: share of `speed` and `acceleration` that is used with an object held.
-        seed: of all random choices; each plan starts from it anew.
-        ik_seeds: start guesses an inverse kinematics problem gets at most.
-        line_attempts: configurations that a straight line is tried from.
-        rrt_iterations: of the search for a way around obstacles.
+        seed: seed of all random choices; each plan starts from it anew.
+        ik_seeds: greatest number of start guesses of an inverse kinematics problem.
+        line_attempts: number of configurations that a straight line is tried from.
+        rrt_iterations: iterations of the search for a way around obstacles.
     """
 
     robot_models: tuple[str, ...] = (
@@ -103,7 +103,7 @@ class ArmPlannerConfig:
             if not 0 < getattr(self, name) <= 1:
                 raise InputError(
                     "ArmPlannerConfig",
-                    f"{getattr(self, name)} is no share",
+                    f"{getattr(self, name)} is not a share",
                     "give one in 0..1, above 0",
                     name,
                 )
@@ -114,10 +114,10 @@ class HeldObject:
     """An object at the cup.
 
     Attributes:
-        object_id: its model.
-        X_GO: its pose in the cup's frame, (4, 4).
-        index: which of the scene's objects it is, so that it is not an obstacle, too;
-            None where the scene does not hold it.
+        object_id: id of the object's model.
+        X_GO: pose in the cup's frame, (4, 4).
+        index: which of the scene's objects it is, which then is not an obstacle; None
+            if the scene does not hold it.
     """
 
     object_id: int
@@ -129,7 +129,8 @@ class PlanFailure(Exception):  # noqa: N818 (an outcome to act on, not an error)
     """No plan was found.
 
     Attributes:
-        stage: of the plan: `ik`, `approach`, `transfer`, `retreat`, `carry`, `look`.
+        stage: stage of the plan: `ik`, `approach`, `transfer`, `retreat`, `carry`,
+            `look`.
         reason: why, in a sentence.
     """
 

@@ -99,10 +99,10 @@ def build_planning_plant(
         directives: robot, tools and everything that stands still in the cell.
         library: the objects.
         config: names in the directives.
-        copies: how many placed copies each object has, by id; those not named: none.
+        copies: number of placed copies of each object, by id; 0 if not named.
 
     Raises:
-        InputError: where the directives lack a name of the configuration, or hold a
+        InputError: if the directives lack a name of the configuration, or hold a
             body that can move by itself.
     """
     builder = RobotDiagramBuilder(time_step=0.0)
@@ -147,7 +147,7 @@ def find_frame(plant: MultibodyPlant, name: str) -> Frame:
     """The frame called `model::frame`.
 
     Raises:
-        InputError: where there is none.
+        InputError: if the plant does not have it.
     """
     frame: Frame = _look_up(plant, plant.GetFrameByName, name)
     return frame
@@ -157,7 +157,7 @@ def find_body(plant: MultibodyPlant, name: str) -> RigidBody:
     """The body called `model::body`.
 
     Raises:
-        InputError: where there is none.
+        InputError: if the plant does not have it.
     """
     body: RigidBody = _look_up(plant, plant.GetBodyByName, name)
     return body

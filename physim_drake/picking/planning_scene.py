@@ -35,10 +35,10 @@ from physim_drake.picking.surroundings import PlacedObject
 from physim_drake.poses import Array
 
 _TOUCHABLE = -0.05
-"""m; the cup may be pressed into its target by as much, which no pose error exceeds."""
+"""m that the cup may be pressed into its target; no pose error exceeds it."""
 
 _SLACK = 0.001
-"""m; a pair that is too near at the start may come nearer by this."""
+"""m that a pair which is too near at the start may come nearer."""
 
 
 class PlanningScene:
@@ -50,15 +50,15 @@ class PlanningScene:
         config: names in the directives, and distances.
 
     Attributes:
-        tool_frame: of the cup.
-        camera_frame: of the camera.
-        columns: of the planned joints among the plant's positions, (n,).
-        lower: limits of the planned joints, with their margin, (n,), rad.
-        upper: the same, (n,).
-        weights: how far the robot's farthest part moves with each joint, (n,), m/rad.
+        tool_frame: frame of the cup.
+        camera_frame: frame of the camera.
+        columns: indices of the planned joints among the plant's positions, (n,).
+        lower: lower limits of the planned joints, with their margin, (n,), rad.
+        upper: upper limits, (n,), rad.
+        weights: motion of the robot's farthest part with each joint, (n,), m/rad.
 
     Raises:
-        InputError: where the directives lack a name of the configuration.
+        InputError: if the directives lack a name of the configuration.
     """
 
     def __init__(
@@ -115,8 +115,8 @@ class PlanningScene:
     def set_objects(self, placed: Sequence[PlacedObject]) -> None:
         """Puts the estimated objects where they are, and no others.
 
-        Builds anew, in a quarter of a second, where there are more copies of an object
-        than ever before.
+        If there are more copies of an object than ever before, the plant is built
+        again, in a quarter of a second.
         """
         needed = Counter(item.model.object_id for item in placed)
         have = {i: len(slots) for i, slots in self._built.placed.items()}
@@ -171,7 +171,7 @@ class PlanningScene:
         return all(self.edge_free(a, b) for a, b in pairwise(path))
 
     def conflicts(self, q: Array) -> str:
-        """What is too near to what at `q`, in words; empty where nothing is."""
+        """What is too near to what at `q`, in words; empty if nothing is."""
         names = [
             f"{self._name(a)} and {self._name(b)} ({1000 * d:.0f} mm)"
             for a, b, d in sorted(self._near_pairs(q), key=lambda pair: pair[2])
@@ -225,10 +225,10 @@ class PlanningScene:
         return bool(((q >= self.lower - slack) & (q <= self.upper + slack)).all())
 
     def set_other_joints(self, angles: Mapping[str, float]) -> None:
-        """Says where joints are that are not planned, rad by name.
+        """Sets the angles of joints that are not planned, rad by name.
 
         Raises:
-            InputError: where a joint is planned.
+            InputError: if a joint is planned.
         """
         self._set_full(angles)
 

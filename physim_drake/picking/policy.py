@@ -43,9 +43,9 @@ class PickConditions:
         walls: boxes of the cell that the tool must not touch.
         clearance: the tool keeps at least this distance from other objects and walls,
             m; that of the estimate's errors.
-        max_tilt: of the cup's axis from the vertical, rad.
-        per_object: at most so many candidates an object.
-        spacing: candidates of one object are no nearer to each other than this, m.
+        max_tilt: greatest tilt of the cup's axis from the vertical, rad.
+        per_object: greatest number of candidates of an object.
+        spacing: least distance between candidates of one object, m.
         skip: indices of objects that are not wanted, for instance given up.
     """
 
@@ -65,19 +65,19 @@ class PickCandidate:
 
     Attributes:
         index: which of the estimate's objects.
-        object_id: its model.
-        name: its name.
+        object_id: id of the object.
+        name: name of the object.
         confidence: the estimate's, 0..1.
         p_O: the suction point, (3,), m.
-        quality: of the suction point, 0..1.
+        quality: quality of the suction point, 0..1.
         dome: the cup must be pressed on by this much before its lip lies on, m.
         X_WG: the cup's pose at contact, (4, 4): origin on the surface, z into it; the
             turn about z is arbitrary.
-        tilt: of the cup's axis from the vertical, rad.
+        tilt: tilt of the cup's axis from the vertical, rad.
         clearance: distance of the tool at contact to what is nearest of other objects
             and walls, m.
         X_WO: the object's estimated pose, (4, 4).
-        cost: the policy's; smaller is better.
+        cost: cost by the policy; smaller is better.
         reasons: what raised the cost, in words.
     """
 
@@ -120,7 +120,7 @@ class LookAgain:
 
     Attributes:
         index: which of the estimate's objects.
-        name: its name.
+        name: name of the object.
         reason: why it is not picked now.
     """
 
@@ -172,7 +172,7 @@ class PickPolicy(Protocol):
 
         Args:
             estimate: the scene.
-            library: its objects' models.
+            library: models of its objects.
             conditions: what holds for every candidate.
         """
 
@@ -269,7 +269,7 @@ class TopOfPileFirst:
 
         Args:
             estimate: the scene.
-            library: its objects' models.
+            library: models of its objects.
             conditions: what holds for every candidate.
         """
         placed = placed_objects(estimate, library)

@@ -73,16 +73,16 @@ def rrt_connect(
     Args:
         q_start: (n,).
         q_goal: (n,).
-        lower: of the samples, (n,).
-        upper: of the samples, (n,).
+        lower: lower limits of the samples, (n,).
+        upper: upper limits of the samples, (n,).
         weights: length of a motion is that of `weights * dq`, (n,).
         edge_free: whether a straight motion is free.
-        generator: of the samples.
-        iterations: at most so many samples.
+        generator: random source of the samples.
+        iterations: greatest number of samples.
         step: length of an edge.
 
     Returns:
-        the polyline, (N, n), both ends included; None where none was found.
+        the polyline, (N, n), both ends included; None if none was found.
     """
     trees = [_Tree(q, weights, iterations + 1) for q in (q_start, q_goal)]
     for turn in range(iterations):
@@ -110,13 +110,13 @@ def shortcut(
     generator: np.random.Generator,
     attempts: int = 30,
 ) -> Array:
-    """Replaces detours of a free polyline by straight motions, where they are free.
+    """Replaces detours of a free polyline by straight motions that are free.
 
     Args:
         path: (N, n).
         edge_free: whether a straight motion is free.
         weights: as in `rrt_connect`.
-        generator: of the places that are tried.
+        generator: random source of the places that are tried.
         attempts: number of tries.
     """
     path = _leap(path, edge_free)

@@ -54,14 +54,14 @@ def _directives() -> tuple[ModelDirective, ...]:
 
 @dataclass(frozen=True)
 class DriveConfig:
-    """How the joints follow what they are told: stiff, without gravity's help.
+    """How the joints follow their reference: stiff, with gravity compensated.
 
-    Gravity of robot and tools is compensated, as every industrial controller does;
-    that of what it holds is not.
+    Every industrial controller compensates gravity of robot and tools. That of what
+    the robot holds is not compensated.
 
     Attributes:
-        stiffness: N m/rad.
-        damping: N m s/rad.
+        stiffness: stiffness of each joint, N m/rad.
+        damping: damping of each joint, N m s/rad.
     """
 
     stiffness: float = 20000.0
@@ -73,8 +73,8 @@ class RegionConfig:
     """A level rectangle that a frame of the directives stands in the middle of.
 
     Attributes:
-        frame: its name; z up.
-        half_extents: along the frame's x and y, m.
+        frame: name of the frame, whose z points up.
+        half_extents: half the lengths along the frame's x and y, m.
     """
 
     frame: str = "pick_area"
@@ -83,7 +83,7 @@ class RegionConfig:
     def __post_init__(self) -> None:
         if len(self.half_extents) != 2 or min(self.half_extents) <= 0:
             raise InputError(
-                self.frame, "is no rectangle", "give two lengths above 0, m"
+                self.frame, "is not a rectangle", "give two lengths above 0, m"
             )
 
 
@@ -92,14 +92,14 @@ class ObjectsConfig:
     """What lies on the table at the beginning of an episode.
 
     Attributes:
-        library: folder of the object models: a path, from the scenario's folder where
-            it is relative, or the name of a set that comes with the package.
-        names: the objects to draw from; all where none is named.
+        library: folder of the object models: a path, from the scenario's folder if it
+            is relative, or the name of a set that comes with the package.
+        names: objects to draw from; all if it is empty.
         count: fewest and most objects of an episode.
         levels: interaction levels (1 apart, 2 two that touch, 3 three), episode by
             episode in turn.
         container: what they are settled on or in. It is not part of the cell: a tote
-            that they lie in must stand in the directives, too.
+            that they lie in must also stand in the directives.
     """
 
     library: str = "apc11"
@@ -127,9 +127,9 @@ class ViewpointConfig:
     """From where the wrist camera looks at the middle of the pick area.
 
     Attributes:
-        azimuth_deg: bearing of the camera from the middle, about z from x.
-        elevation_deg: its angle above the surface.
-        distance: m.
+        azimuth_deg: bearing of the camera from the middle, about z from x, deg.
+        elevation_deg: angle of the camera above the surface, deg.
+        distance: distance of the camera from the middle, m.
     """
 
     azimuth_deg: float = 180.0
@@ -160,7 +160,7 @@ def _views() -> tuple[ViewpointConfig, ...]:
 
 
 class DetectorName(StrEnum):
-    """What says which objects are in an image, and where."""
+    """Names of what finds the objects in an image."""
 
     NETWORK = "network"
     ORACLE = "oracle"
@@ -172,18 +172,18 @@ class LookConfig(MethodConfig):
 
     Attributes:
         camera: preset of the wrist camera.
-        noise: whether its images err.
+        noise: whether its images have a real camera's errors.
         detector: a trained network, or an oracle that knows what each pixel shows.
-        weights: of the network: what physim-drake train wrote, from the scenario's
-            folder where it is relative; where it is empty, the weights that come with
-            the package, which know the objects of apc11.
-        least_score: less certain detections of the network are dropped.
-        box_jitter: the oracle's boxes are off by up to this share of their size, a
-            side.
-        min_pixels: an object of which less shows is not detected.
+        weights: file that physim-drake train wrote, from the scenario's folder if it
+            is relative; if it is empty, the weights that come with the package, which
+            know the objects of apc11.
+        least_score: score below which a detection of the network is dropped, 0..1.
+        box_jitter: share of a box's size that each of its sides is off by at most, in
+            the oracle's detections.
+        min_pixels: number of pixels that an object must show to be detected.
         expansions: see `MethodConfig`; fewer here, as a cell looks again.
         latency: simulated time that an estimate takes, s. The simulation does not
-            know how long the computation takes; this is what a fast computer needs.
+            know how long the computation takes. This is what a fast computer needs.
         views: viewpoints in the order they are used.
     """
 
@@ -215,27 +215,30 @@ class TaskConfig:
     """How hard the cell tries.
 
     Attributes:
-        period: between decisions of the task, s.
+        period: time between decisions of the task, s.
         planning_time: simulated time that planning takes, s.
-        max_plans: so many candidates are planned before another look is taken.
-        settle_time: from the arrival at a viewpoint to the look, s.
+        max_plans: number of candidates that are planned before another look is taken.
+        settle_time: time from the arrival at a viewpoint to the look, s.
         max_views: views of one scene before it is picked from with what is known.
-        min_confidence: objects below it are looked at again from elsewhere.
-        last_confidence: and picked all the same from here on, where no view of the
-            scene gave anything better.
-        tries: picks of one object before it is given up.
+        min_confidence: confidence below which an object is looked at again from
+            elsewhere.
+        last_confidence: confidence from which on it is picked all the same, if no view
+            of the scene gave anything better.
+        tries: failed picks of one object before it is given up.
         max_failures: failures in a row of any kind before the episode is given up.
-        empty_looks: the table is empty when nothing is seen so often, from different
-            viewpoints.
-        estimate_timeout: an estimate that takes longer has failed, s.
-        seal_level: of the vacuum sensor, from which on the cup holds, 0..1.
-        seal_timeout: no seal if the level is not reached in this time, s.
-        lost_level: of the vacuum sensor, below which the object is gone, 0..1.
-        release_time: the vacuum gets this long to vanish over the tote, s.
-        release_height: of an object's lowest point above the tote's floor when it is
-            let go, m; more where the tote is full.
-        carry_height: and when it arrives over the tote, clear of the walls, m.
-        max_tilt_deg: of the cup's axis from the vertical when it comes down.
+        empty_looks: looks from different viewpoints that must show nothing before the
+            table counts as empty.
+        estimate_timeout: time after which an estimate has failed, s.
+        seal_level: level of the vacuum sensor from which on the cup holds, 0..1.
+        seal_timeout: time after which a cup that has not reached the level does not
+            seal, s.
+        lost_level: level of the vacuum sensor below which the object is gone, 0..1.
+        release_time: time that the vacuum gets to vanish over the tote, s.
+        release_height: height of an object's lowest point above the tote's floor when
+            it is let go, m; more if the tote is full.
+        carry_height: the same height when it arrives over the tote, clear of the
+            walls, m.
+        max_tilt_deg: tilt of the cup's axis from the vertical when it comes down, deg.
     """
 
     period: float = 0.01
@@ -270,21 +273,21 @@ class PickScenario:
     """A cell, its objects and its task.
 
     Attributes:
-        random_seed: of all random choices, with the episode's number.
-        max_duration: of an episode, simulated, s.
-        plant_config: of the simulation.
-        scene_graph_config: of the simulation.
+        random_seed: seed of all random choices, with the episode's number.
+        max_duration: greatest duration of an episode, simulated, s.
+        plant_config: settings of the simulated plant.
+        scene_graph_config: settings of its scene graph.
         directives: robot, tools, table, tote and what else stands still. Files of the
             package `physim_drake_models` can be used, and of `scenario`, which is the
             folder of the scenario's file.
-        drive: of the robot's joints.
+        drive: drives of the robot's joints.
         planner: names and distances for the arm's planner.
-        gripper: the cup.
+        gripper: the suction cup.
         objects: what is to be picked.
-        pick_area: where objects lie.
-        tote: where they go.
-        look: how the cell sees.
-        task: how hard it tries.
+        pick_area: region where objects lie.
+        tote: region where they go.
+        look: camera, detector, estimate and viewpoints.
+        task: thresholds, times and numbers of tries of the task.
     """
 
     random_seed: int = 0
@@ -319,7 +322,7 @@ def load_scenario(path: Path) -> PickScenario:
     """Reads a scenario; paths in it start from its folder.
 
     Raises:
-        InputError: where the file cannot be read, has an unknown key, or a value that
+        InputError: if the file cannot be read, has an unknown key, or a value that
             cannot be.
     """
     scenario = _read(path)

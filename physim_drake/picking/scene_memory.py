@@ -28,11 +28,11 @@ def on_table(
     """The estimate without what is in the tote.
 
     Args:
-        estimate: of a look.
-        library: its objects' models.
+        estimate: estimate of a look.
+        library: models of its objects.
         in_tote: whether a point (3,) in W is in the tote.
-        placed: ids of objects that were put there; where one is detected but not
-            found, that is where it is.
+        placed: ids of objects that were put there; one that is detected but not found
+            is taken to be there.
     """
     objects = []
     for item in estimate.objects:
@@ -72,7 +72,7 @@ def merged(earlier: SceneEstimate | None, newest: SceneEstimate) -> SceneEstimat
 
     Args:
         earlier: what was known, if anything.
-        newest: from the newest look.
+        newest: estimate of the newest look.
     """
     if earlier is None:
         return newest

@@ -36,15 +36,16 @@ class SuctionCup:
     """The cup, and how candidate points are chosen for it.
 
     Attributes:
-        lip_radius: of the lip's ring, m.
+        lip_radius: radius of the lip's ring, m.
         conformity: the lip follows a surface that leaves its mean plane by no more, m.
         depth: a dome under the cup may be this high over the lip's plane, m.
         margin: distance of the lip from an edge that is wished for, as an estimated
             pose errs; a point whose margin is zero is still one, of low quality, m.
-        length: of the straight tool behind the lip, that must not meet the object, m.
-        holding_force: of the full vacuum, N.
+        length: length of the straight tool behind the lip, which must not meet the
+            object, m.
+        holding_force: force of the full vacuum, N.
         samples: points of the surface that are tried.
-        spacing: points that face the same way are no nearer than this, m.
+        spacing: least distance of points that face the same way, m.
     """
 
     lip_radius: float = 0.015
@@ -65,7 +66,7 @@ class SuctionPoints:
         positions: on the surface under the cup's centre, p_O (N, 3), m.
         normals: outward axis of the cup, unit, (N, 3).
         dome: height of the surface under the cup's centre over the lip's plane, (N,),
-            m; the cup must be pressed on by as much before its lip lies on.
+            m; the cup must be pressed on this far before its lip lies on.
         quality: 0..1, (N,): the product of the three below.
         flatness: 1 where the surface under the lip is plane, 0 at the conformity.
         leverage: 1 where the cup's axis meets the centre of mass, 0 where the weight,
@@ -95,7 +96,7 @@ def suction_points(model: ObjectModel, cup: SuctionCup = SuctionCup()) -> Suctio
         cup: the cup.
 
     Returns:
-        the points, spread over all of the surface where there are any; none for an
+        the points, spread over all of the surface that has any; none for an
         object too small or too curved for the cup. Do not write to them.
     """
     positions, normals = model.surface_sample(cup.samples)

@@ -24,8 +24,8 @@ class PlacedObject:
 
     Attributes:
         index: which of the estimate's objects.
-        model: its model.
-        X_WO: its pose, (4, 4).
+        model: model of the object.
+        X_WO: pose of the object, (4, 4).
         confidence: the estimate's, 0..1.
     """
 
@@ -115,13 +115,13 @@ def tool_clearance(
 
     Args:
         X_WG: poses of the cup frame, (N, 4, 4).
-        tool: its shape.
+        tool: shape of the tool.
         others: objects that it must not touch.
         walls: boxes that it must not touch.
         largest: distances beyond it are cut off, m.
 
     Returns:
-        (N,), m, negative where the tool is in something. It is taken at points of the
+        (N,), m, negative if the tool is in something. It is taken at points of the
         tool's surface 1 cm apart, so something slender may be nearer.
     """
     points = tool.points()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which part of an image belongs to the table: what is in the tote is done."""
+"""Detections on the table alone: what is in the tote is done."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class TableDetector:
     """Leaves out what another detector finds in the tote, by the depth there.
 
     Args:
-        detector: the other one.
-        tote: what is left out.
+        detector: detector whose detections are filtered.
+        tote: region that is left out.
     """
 
     def __init__(self, detector: DetectionAlgorithm, tote: Tote) -> None:
@@ -41,9 +41,9 @@ class TableDetector:
 
 
 def middle_points(detection: Detection, observation: RgbdObservation) -> Array:
-    """The points p_W (N, 3) seen in a mask, or else in the middle of a box.
+    """The points p_W (N, 3) seen in a mask, or in the middle of a box without one.
 
-    There are none without a camera pose.
+    There are no points if the camera's pose is not known.
     """
     if observation.X_WC is None:
         return np.zeros((0, 3))

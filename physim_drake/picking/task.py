@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Clearing a table: look, decide, pick, place, look again; and what if it fails.
+"""Clearing a table: look, decide, pick, place, look again, and recover from failures.
 
-The task is a state machine on plain values. It is told the time, what the vacuum sensor
+The task is a state machine on plain values. It takes the time, what the vacuum sensor
 reads and what was estimated, and says where the arm is to go, whether the vacuum is on
 and how many looks are wanted. It never learns where objects truly are.
 
@@ -51,14 +51,14 @@ _MAX_RELEASE = 5.0  # s
 
 @dataclass(frozen=True)
 class PickTask:
-    """The state machine of an episode; all that changes is in `TaskState`.
+    """The state machine of an episode. All that changes is in `TaskState`.
 
     Attributes:
-        config: how hard it tries.
-        planner: of the arm's motions.
+        config: thresholds, times and numbers of tries.
+        planner: planner of the arm's motions.
         policy: which object is picked, and where.
-        last_resort: asked when no view of a scene gave a candidate; for instance a
-            policy that takes objects of less confidence. None for none.
+        last_resort: policy that is asked if no view of a scene gave a candidate, for
+            instance one that takes objects of less confidence; may be None.
         library: the objects.
         conditions: what holds for every candidate.
         views: poses of the camera X_WC (4, 4), in the order they are used.
@@ -83,7 +83,7 @@ class PickTask:
         return TaskState.at_rest(rest, self.tote.empty)
 
     def step(self, state: TaskState, inputs: TaskInputs) -> TaskState:
-        """What the task wants from now on; the very state if nothing changes."""
+        """What the task wants from now on; the same object if nothing changes."""
         if state.phase is Phase.DONE:
             return state
         if state.plan is not None:
@@ -352,7 +352,7 @@ class PickTask:
         return replace(noted, given_up=state.given_up | {candidate.object_id})
 
     def _failed(self, state: TaskState, time: float) -> TaskState | None:
-        """The end, where there have been too many failures in a row."""
+        """The end, if there have been too many failures in a row."""
         if state.failures < self.config.max_failures:
             return None
         return self._end(state, time, f"{state.failures} failures in a row")

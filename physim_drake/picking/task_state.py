@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the pick task remembers: small frozen values, so that a copy is a snapshot."""
+"""The memory of the pick task: small frozen values, so that a copy is a snapshot."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Phase(StrEnum):
 
 
 class EventKind(StrEnum):
-    """What an entry of the log tells of."""
+    """Kinds of entries of the log."""
 
     LOOK = "look"
     ESTIMATE = "estimate"
@@ -53,10 +53,10 @@ class TaskEvent:
     """An entry of the task's log.
 
     Attributes:
-        time: simulated, s.
+        time: simulated time, s.
         kind: what happened.
-        text: what and why, in words.
-        name: of the object, where it is about one.
+        text: what happened and why, in words.
+        name: name of the object, if it is about one.
     """
 
     time: float
@@ -70,10 +70,10 @@ class Motion:
     """A trajectory that is being executed, perhaps brought to a stop on the way.
 
     Attributes:
-        trajectory: of the planned joints.
-        start: s.
-        stop: from when on it slows down, s; None where it runs to its end.
-        stop_time: slowing down takes this long, s.
+        trajectory: trajectory of the planned joints.
+        start: time at which it begins, s.
+        stop: time from which on it slows down, s; None if it runs to its end.
+        stop_time: time that slowing down takes, s.
     """
 
     trajectory: ArmTrajectory
@@ -109,21 +109,21 @@ class TaskState:
 
     Attributes:
         phase: what it is doing.
-        since: when that began, s.
+        since: time at which the phase began, s.
         motion: what the arm executes.
         vacuum_on: whether the vacuum is to be on.
-        looks: how many have been asked for.
-        view: which viewpoint comes next.
-        views_of_scene: looks since the scene was last touched.
-        empty_looks: looks in a row that showed nothing to pick.
-        failures: in a row, of any kind.
+        looks: number of looks that have been asked for.
+        view: index of the viewpoint that comes next.
+        views_of_scene: number of looks since the scene was last touched.
+        empty_looks: number of looks in a row that showed nothing to pick.
+        failures: number of failures in a row, of any kind.
         known: what is known of the scene since it was last touched.
         obstacles: what was known of it before, without what was picked since.
         plan: the pick being executed, from `Phase.REACH` to `Phase.RELEASE`; None in
             all other phases.
         fills: how full the tote is thought to be.
         tries: executed picks by object id.
-        failed_points: by object id, suction points that did not seal, p_O (3,).
+        failed_points: suction points that did not seal, p_O (3,), by object id.
         placed: objects that were let go over the tote, by object id.
         given_up: objects that are not tried any more, by object id.
         log: what happened.
@@ -180,7 +180,7 @@ class TaskState:
         trajectory: ArmTrajectory | None = None,
         delay: float = 0.0,
     ) -> TaskState:
-        """In a new phase, with a new motion where there is one, after a delay (s)."""
+        """In a new phase; a new motion, if one is given, begins after a delay (s)."""
         motion = self.motion if trajectory is None else Motion(trajectory, time + delay)
         return replace(self, phase=phase, since=time, motion=motion)
 
@@ -195,14 +195,14 @@ class TaskState:
 
 @dataclass(frozen=True)
 class TaskInputs:
-    """What the task is told.
+    """What the task learns at a step.
 
     Attributes:
-        time: s.
-        vacuum: of the sensor, 0..1.
-        look: number of the newest look that was estimated; 0 for none yet.
-        estimate: of that look; None where there is none.
-        error: why there is none, else empty.
+        time: simulated time, s.
+        vacuum: level of the vacuum sensor, 0..1.
+        look: number of the newest look that was estimated, 0 before the first.
+        estimate: estimate of that look; None if there is no estimate.
+        error: why there is no estimate; empty if there is one.
     """
 
     time: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The tote that objects go to, and how full it is thought to be where."""
+"""The tote that objects go to, and how full each part of it is thought to be."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Tote:
 
     Attributes:
         X_WT: pose of its floor's middle, z up, (4, 4).
-        half_extents: of the floor along its x and y, (2,), m.
+        half_extents: half lengths of the floor along its x and y, (2,), m.
         drops: points of the floor above which objects are let go, p_WD (N, 3), m.
-        release_height: of an object's lowest point above the floor when it is let go,
-            m; more where the tote is full.
-        carry_height: of an object's lowest point when it arrives over the tote, m.
+        release_height: height of an object's lowest point above the floor when it is
+            let go, m; more if the tote is full.
+        carry_height: height of its lowest point when it arrives over the tote, m.
     """
 
     X_WT: Array
@@ -50,7 +50,7 @@ class Tote:
         return bool(inside and -_BELOW < p_T[2] < _PILE)
 
     def order(self, fills: Fills) -> list[int]:
-        """The numbers of the drops, where the tote is least full first."""
+        """The numbers of the drops; first that over the least full part of the tote."""
         return [int(n) for n in np.argsort(fills, kind="stable")]
 
     def over(self, drop: int, fills: Fills) -> Array:
@@ -73,9 +73,9 @@ class Tote:
 
         Args:
             fills: how full it was.
-            drop: where.
+            drop: number of the drop.
             held: the object, and how it hung at the cup.
-            library: its model.
+            library: library with its model.
         """
         vertices = np.asarray(library[held.object_id].mesh.vertices)
         p_G = transform_points(held.X_GO, vertices)

@@ -40,7 +40,7 @@ class ArmTrajectory:
     """A motion of the planned joints, from rest to rest.
 
     Attributes:
-        joints: their names.
+        joints: names of the joints.
         times: (T,), s, from 0.
         q: (T, n), rad.
         v: (T, n), rad/s; in between, cubic Hermite interpolation.
@@ -92,7 +92,7 @@ class Pace:
     Attributes:
         speed: share of the joints' speed limits.
         acceleration: share of their acceleration limits.
-        line_speed: of the tool frame's origin, m/s; None for no limit.
+        line_speed: greatest speed of the tool frame's origin, m/s; None for no limit.
     """
 
     speed: float
@@ -116,10 +116,10 @@ def smooth_trajectory(
     Args:
         scene: robot and obstacles, with its paddings set.
         path: (N, n), free along all edges.
-        pace: how fast.
+        pace: speed and acceleration.
 
     Returns:
-        the motion; None where no rounding is free, or the timing fails.
+        the motion; None if no rounding is free, or the timing fails.
     """
     ends = np.cumsum([0.0, *(scene.distance(a, b) for a, b in pairwise(path))])
     if ends[-1] < _MIN_LENGTH:
@@ -140,7 +140,7 @@ def line_trajectory(
     Args:
         scene: the robot.
         path: (N, n), neighbours close together and evenly spaced.
-        pace: how fast.
+        pace: speed and acceleration.
     """
     places = np.linspace(0.0, 1.0, len(path))
     return _timed(scene, _control_points(path, places, len(path) + 2), pace)
@@ -150,11 +150,11 @@ def _control_points(path: Array, places: Array, count: int) -> Array:
     """Control points on a polyline, where a spline follows straight lines evenly.
 
     At the Greville abscissae, the means of three knots, a cubic spline's control points
-    reproduce a linear motion; the clamped ends would else be run through faster.
+    reproduce a linear motion; the clamped ends would otherwise be run through faster.
 
     Args:
         path: (N, n).
-        places: of its points along the spline's parameter, (N,), from 0 to 1.
+        places: places of its points along the spline's parameter, (N,), from 0 to 1.
         count: number of control points, at least 4.
     """
     knots = np.concatenate([[0.0] * 3, np.linspace(0, 1, count - 2), [1.0] * 3])
@@ -198,7 +198,7 @@ def _timed(scene: PlanningScene, controls: Array, pace: Pace) -> ArmTrajectory |
 
 
 def _sampled(scene: PlanningScene, trajectory: Any, timing: Any) -> ArmTrajectory:
-    """Samples a motion where its acceleration jumps, and in between.
+    """Samples a motion at the jumps of its acceleration, and in between.
 
     Toppra's acceleration is constant along the path between its grid points; cubics
     that end there follow it, others would overshoot the limits by a tenth.

@@ -52,7 +52,7 @@ def propose_viewpoints(
     Args:
         p_WT: what to look at, (3,), m.
         p_WR: where the robot stands, (3,), m; decides which side is the front.
-        distances: from the target, m, in the order of preference.
+        distances: distances from the target, m, in the order of preference.
         elevations: angles above the level, rad, in the order of preference.
     """
     facing = np.arctan2(p_WR[1] - p_WT[1], p_WR[0] - p_WT[0])

@@ -29,14 +29,14 @@ def write_episodes_report(
         results: the episodes.
         replays: for each of them, a file in the folder, a page of Meshcat's; may be
             empty.
-        seed: of the episodes, for the title.
-        folder: is there.
+        seed: seed of the episodes, for the title.
+        folder: folder that exists.
 
     Returns:
         the page.
 
     Raises:
-        InputError: where it cannot be written.
+        InputError: if it cannot be written.
     """
     page = render_page(
         "episodes.html.j2",

@@ -60,10 +60,10 @@ class ExplorationConfig:
     """How the robot looks at scenes.
 
     Attributes:
-        views: of a scene.
-        workers: processes that estimate; the labels do not depend on it.
-        seed: of all random choices, with the scene's number.
-        learning: what is taken for certain.
+        views: number of views of a scene.
+        workers: number of processes that estimate; the labels do not depend on it.
+        seed: seed of all random choices, with the scene's number.
+        learning: settings of what is taken for certain.
     """
 
     views: int = 4
@@ -78,14 +78,14 @@ class Explorer(Closing):
     Args:
         scenario: the cell, and which objects come into it.
         conditions: lights and camera.
-        config: how it looks.
+        config: number of views, workers and seed.
 
     Attributes:
         library: the objects.
         cell: what it looks at.
 
     Raises:
-        InputError: where the scenario cannot work.
+        InputError: if the scenario cannot work.
 
     Use it as a context manager, or call `close`.
     """
@@ -121,14 +121,14 @@ class Explorer(Closing):
         )
 
     def explore(self, number: int, detector: DetectionAlgorithm) -> LabelledScene:
-        """Looks at a scene and labels its views; the truth plays no part in it.
+        """Looks at a scene and labels its views, without the truth.
 
         Args:
-            number: of the scene, from 0.
+            number: number of the scene, from 0.
             detector: finds objects in images.
 
         Raises:
-            InputError: where no scene can be drawn.
+            InputError: if no scene can be drawn.
         """
         _, rng = self._begin(number)
         known: SceneEstimate = NOTHING_KNOWN
@@ -148,7 +148,7 @@ class Explorer(Closing):
         """Looks at a scene and takes the labels from the truth, for a test set.
 
         Args:
-            number: of the scene, from 0.
+            number: number of the scene, from 0.
 
         Returns:
             images with those objects that show at least a quarter of themselves.
@@ -218,17 +218,17 @@ def explore_scenes(
     """Looks at scenes and writes the labelled views as a dataset in BOP layout.
 
     Args:
-        explorer: that looks.
+        explorer: looks at the scenes.
         detector: finds objects in images.
-        out: the dataset's folder; is made, and must be empty.
-        scenes: how many.
-        progress: is told what came of each scene.
+        out: folder of the dataset, which is made and must be empty.
+        scenes: number of scenes.
+        progress: called with each scene's number and labels.
 
     Returns:
-        the figures that `learning.json` in the folder holds, too.
+        the figures, which `learning.json` in the folder also holds.
 
     Raises:
-        InputError: where no scene can be drawn, or files cannot be written.
+        InputError: if no scene can be drawn, or files cannot be written.
     """
     with _new_dataset(out, explorer.library) as split:
         facts = []
@@ -261,12 +261,12 @@ def write_judged_scenes(explorer: Explorer, out: Path, scenes: int) -> None:
     """Looks at scenes and writes the views with true labels, to judge detectors by.
 
     Args:
-        explorer: that looks.
-        out: the dataset's folder; is made, and must be empty.
-        scenes: how many.
+        explorer: looks at the scenes.
+        out: folder of the dataset, which is made and must be empty.
+        scenes: number of scenes.
 
     Raises:
-        InputError: where no scene can be drawn, or files cannot be written.
+        InputError: if no scene can be drawn, or files cannot be written.
     """
     with _new_dataset(out, explorer.library) as split:
         for number in range(scenes):
@@ -277,7 +277,7 @@ def write_judged_scenes(explorer: Explorer, out: Path, scenes: int) -> None:
 
 @contextmanager
 def _new_dataset(out: Path, library: ObjectLibrary) -> Iterator[Path]:
-    """A dataset with models; gives the folder for its scenes."""
+    """A dataset with models; yields the folder for its scenes."""
     make_folder(out)
     if any(out.iterdir()):
         raise InputError(out, "is not empty", "choose a new folder")

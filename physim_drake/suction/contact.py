@@ -48,7 +48,7 @@ def read_surface(
     """Reads a body's collision geometry.
 
     Args:
-        inspector: of the scene graph that the geometry is registered with.
+        inspector: inspector of the scene graph that the geometry is registered with.
         geometries: those of one body.
         name: the body's, for messages.
 
@@ -56,7 +56,7 @@ def read_surface(
         the surface in the body's frame, curved shapes as polytopes.
 
     Raises:
-        InputError: where there is no geometry, or a mesh that need not be convex.
+        InputError: if there is no geometry, or a mesh that need not be convex.
     """
     if not geometries:
         raise InputError(name, "has no collision geometry", "give it some")
@@ -130,13 +130,13 @@ def require_hydroelastic(
 
     Args:
         plant: that the body is of.
-        inspector: of the scene graph.
+        inspector: inspector of the scene graph.
         body: the body.
-        soft: whether some of its geometry must be compliant; else all of it must be
+        soft: whether some of its geometry must be compliant; if not, all of it must be
             compliant or rigid.
 
     Raises:
-        InputError: where it is not.
+        InputError: if it is not.
     """
     kinds = []
     for geometry in plant.GetCollisionGeometriesForBody(body):

@@ -33,10 +33,10 @@ _NOT_NEGATIVE = (
 
 @dataclass(frozen=True)
 class SuctionConfig:
-    """One cup, its pump and its valve; the defaults are a 30 mm bellows cup's.
+    """One cup, its pump and its valve. The defaults are those of a 30 mm bellows cup.
 
     Attributes:
-        lip_radius: of the circle that seals, m.
+        lip_radius: radius of the circle that seals, m.
         vacuum_pressure: below the atmosphere's, what the pump reaches on a tight lip,
             Pa.
         lip_reach: the lip is sucked on to a surface no farther ahead than this, m.
@@ -44,18 +44,20 @@ class SuctionConfig:
         stroke: the bellows gives way by this much before it is a block, m.
         max_tilt: it follows a surface tilted by no more against its axis, rad.
         max_slope: a lip point does not lie on a surface steeper than this, rad.
-        lip_points: how many points of the lip are tested.
+        lip_points: number of points of the lip that are tested.
         leak_ratio: what an open lip lets in at full vacuum, over what the pump moves
             at none.
         build_up_time: time constant of evacuating a tight cup, s.
-        vent_time: of venting it, s.
+        vent_time: time constant of venting it, s.
         holding_level: the vacuum switch closes at this level, 0..1.
-        period: between tests of the seal, s; best the plant's time step or a multiple.
-        stiffness: of the bellows, N/m.
-        stop_stiffness: of the block that it ends on, N/m.
-        friction: of the cup's rubber; Drake combines it with the object's.
-        dissipation: of the rubber, Hunt and Crossley's, s/m.
-        relaxation_time: of the rubber, s; takes dissipation's place in SAP.
+        period: time between tests of the seal, s; best the plant's time step or a
+            multiple of it.
+        stiffness: stiffness of the bellows, N/m.
+        stop_stiffness: stiffness of the block that it ends on, N/m.
+        friction: friction of the cup's rubber, which Drake combines with the object's.
+        dissipation: dissipation of the rubber, Hunt and Crossley's, s/m.
+        relaxation_time: relaxation time of the rubber, s, in place of dissipation in
+            SAP.
     """
 
     lip_radius: float = 0.015
@@ -116,7 +118,7 @@ class Surface:
         normals: outward, of all planes, piece after piece, (F, 3).
         offsets: a point p of a piece has normals @ p <= offsets, (F,), m.
         ends: index behind each piece's last plane, (P,).
-        radius: no point is farther than this from the origin, m; may be infinite.
+        radius: greatest distance of a point from the origin, m; may be infinite.
     """
 
     normals: Array
@@ -141,9 +143,9 @@ class Seal:
     """How a lip lies on a surface.
 
     Attributes:
-        index: of the surface that it lies on; None where it touches none.
+        index: index of the surface that it lies on; None if it touches no surface.
         leak: share of the lip that is open, 0..1.
-        normal: of the plane the lip lies in, out of the surface, (3,), in the
+        normal: normal of the plane the lip lies in, out of the surface, (3,), in the
             surface's frame.
         gap: from the lip's centre ahead to that plane, m; negative where the cup is
             compressed.
@@ -230,9 +232,9 @@ def cast_lines(
     """Where parallel lines enter a solid.
 
     Args:
-        surface: in frame O.
+        surface: surface in frame O.
         p_O: a point on each line, (N, 3), m.
-        direction_O: of all lines, unit, (3,).
+        direction_O: direction of all lines, unit, (3,).
         back: a piece that a line leaves before this is behind, and not met, m.
 
     Returns:

@@ -467,7 +467,7 @@ def test_names_that_do_not_exist_are_named() -> None:
         ArmPlanner(cell(), models(), config)
     with pytest.raises(InputError, match="has 6 angles for 7 joints"):
         replace(ArmPlannerConfig(), home=(0.0,) * 6)
-    with pytest.raises(InputError, match="speed: 2 is no share"):
+    with pytest.raises(InputError, match="speed: 2 is not a share"):
         replace(ArmPlannerConfig(), speed=2)
 
 
