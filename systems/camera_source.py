@@ -55,7 +55,7 @@ class CameraSourceConfig:
 
     @property
     def intrinsics(self) -> CameraIntrinsics:
-        """The preset's, for the size of the image; the field of view is the same."""
+        """The preset's intrinsics for the image's size, with the same field of view."""
         K = PRESETS[self.preset].intrinsics
         width, height = self.width or K.width, self.height or K.height
         x, y = width / K.width, height / K.height
@@ -74,7 +74,7 @@ class CameraSourceConfig:
         return replace(noise, dark_loss=0.0, shiny_loss=0.0)
 
     def draw_extrinsic_error(self) -> NDArray[np.float64]:
-        """X_CD (4, 4): where this camera's depth sensor D is; C is where it should be.
+        """X_CD (4, 4) of this camera's depth sensor D, which should be at C.
 
         A camera keeps it for life, as it does the error of its calibration.
         """

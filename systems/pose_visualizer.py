@@ -98,7 +98,7 @@ class PoseVisualizer(Stage):
         return ()
 
     def _make_room(self, look: Look) -> str:
-        """Removes the look before, or hides it from now on; the path of the new one."""
+        """Removes or hides the look before. Returns the path of the new one."""
         meshcat, config = self._meshcat, self._config
         if not config.history or look.number == 1:
             meshcat.Delete(config.path)

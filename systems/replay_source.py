@@ -18,7 +18,7 @@ from physim_drake.systems.stage import EACH_STEP, TimingConfig
 
 @dataclass(frozen=True)
 class ReplaySourceConfig:
-    """What is replayed; the files are those that ``physim-drake estimate`` reads.
+    """What is replayed, from the files that ``physim-drake estimate`` reads.
 
     Attributes:
         dataset: root of a dataset in BOP layout.

@@ -118,7 +118,7 @@ class Stage(LookSystem):
             behind = min(queues, key=lambda name: len(queues[name]))
             raise RuntimeError(
                 f"{self.GetSystemPathname()}: input port {behind} is {MOST_WAITING} "
-                "looks behind another; look less often, or see why it shows none"
+                "looks behind another; look less often, or see why it shows nothing"
             )
         return state
 

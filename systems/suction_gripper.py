@@ -37,7 +37,7 @@ _EMPTY: Any = np.array([0.0, _NOTHING, 0.0, 0.0, 0.0, 0.0])
 
 
 class SuctionGripper(LeafSystem):
-    """Pulls cup and object together with the vacuum's force; contact does the rest.
+    """Pulls cup and object together with the vacuum's force. Contact does the rest.
 
     .. pydrake_system::
 

@@ -167,7 +167,7 @@ def test_the_cell_of_the_documents_can_work(
     (check,) = blocks(page, "python")
     namespace: dict[str, Any] = {}
     desk(check, page.name, namespace)
-    assert namespace["cell"].X_WA[2, 3] == pytest.approx(0.70)
+    assert namespace["cell"].geometry.X_WA[2, 3] == pytest.approx(0.70)
     (tmp_path / "cell" / "cell.dmd.yaml").write_text(cell.replace("0.64", "1.64"))
     with pytest.raises(PhysimError, match="reach"):
         desk(check, page.name, {})

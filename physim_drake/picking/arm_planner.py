@@ -241,7 +241,7 @@ class ArmPlanner:
         cone: float = _LOOK_CONE,
         radius: float = _LOOK_RADIUS,
     ) -> ArmTrajectory:
-        """Brings the camera to a viewpoint; its turn about the optical axis is free.
+        """Brings the camera to a viewpoint, with any turn about the optical axis.
 
         Args:
             q_now: where the arm is, (n,).

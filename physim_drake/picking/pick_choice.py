@@ -23,7 +23,7 @@ _SAME_POINT = 0.012  # m; a point nearer to one that did not seal is not tried a
 
 
 class MotionPlanner(Protocol):
-    """The plans that the task asks for; `ArmPlanner` makes them."""
+    """A planner as the task needs it, such as `ArmPlanner`."""
 
     def set_scene(self, estimate: SceneEstimate) -> None:
         """From now on, plans among these objects."""

@@ -20,7 +20,7 @@ from physim_drake.poses import Array, inverse, transform_points
 from physim_drake.registration.registration_model import registration_model
 
 _LIFTS = (0.004, 0.007, 0.010, 0.015, 0.020)
-"""m; the first ones for thin objects, that a larger lift would pass through."""
+"""m; the first ones are for thin objects, which a larger lift would pass through."""
 
 _GROWTH = 0.0025  # m of overlap
 

@@ -171,7 +171,7 @@ class PlanningScene:
         return all(self.edge_free(a, b) for a, b in pairwise(path))
 
     def conflicts(self, q: Array) -> str:
-        """What is too near to what at `q`, in words; empty if nothing is."""
+        """What is too near to what at `q`, in words, or an empty text."""
         names = [
             f"{self._name(a)} and {self._name(b)} ({1000 * d:.0f} mm)"
             for a, b, d in sorted(self._near_pairs(q), key=lambda pair: pair[2])
@@ -233,7 +233,7 @@ class PlanningScene:
         self._set_full(angles)
 
     def _hold(self, held: HeldObject | None) -> None:
-        """Attaches an object, or nothing, to the cup; the others are where seen."""
+        """Attaches an object, or nothing, to the cup and puts the others where seen."""
         self._held = held
         gone = None if held is None else held.index
         poses: list[tuple[Slot, RigidTransform]] = []

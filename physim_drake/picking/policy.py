@@ -168,7 +168,7 @@ class PickPolicy(Protocol):
         library: ObjectLibrary,
         conditions: PickConditions = PickConditions(),
     ) -> Sequence[PickCandidate]:
-        """Returns the candidates to try, best first; a `PickOrder` may say more.
+        """Returns the candidates to try, best first. A `PickOrder` may say more.
 
         Args:
             estimate: the scene.
@@ -227,7 +227,7 @@ def object_candidates(
 
 
 def _cup_poses(p_W: Array, n_W: Array) -> Array:
-    """X_WG (N, 4, 4) at points with outward normals; x as near to W's x as it goes."""
+    """X_WG (N, 4, 4) at points with outward normals, x as near to W's x as it goes."""
     z = -n_W
     helper = np.where(np.abs(z[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
     x = helper - (helper * z).sum(axis=1, keepdims=True) * z
@@ -239,7 +239,7 @@ def _cup_poses(p_W: Array, n_W: Array) -> Array:
 
 @dataclass(frozen=True)
 class TopOfPileFirst:
-    """What nothing lies on first; then by a weighted cost.
+    """Takes what nothing lies on first, and the rest by a weighted cost.
 
     Attributes:
         min_confidence: objects below it are not picked but looked at again.

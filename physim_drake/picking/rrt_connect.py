@@ -17,7 +17,7 @@ EdgeFree = Callable[[Array, Array], bool]
 
 
 class _Tree:
-    """Nodes that each know their parent; distances are Euclidean after scaling."""
+    """Nodes that each know their parent. Distances are Euclidean after scaling."""
 
     def __init__(self, root: Array, weights: Array, capacity: int) -> None:
         self.nodes = np.empty((capacity, len(root)))
@@ -47,7 +47,7 @@ class _Tree:
     def step_towards(
         self, n: int, q: Array, step: float, edge_free: EdgeFree
     ) -> tuple[int | None, bool]:
-        """Grows from node `n` by one step; the new node, and whether it is at `q`."""
+        """Grows from node `n` by a step; returns the new node and whether it is `q`."""
         start = self.nodes[n].copy()
         length = float(np.linalg.norm(self._weights * (q - start)))
         arrives = length <= step

@@ -319,7 +319,7 @@ class PickScenario:
 
 
 def load_scenario(path: Path) -> PickScenario:
-    """Reads a scenario; paths in it start from its folder.
+    """Reads a scenario. Paths in it start from its folder.
 
     Raises:
         InputError: if the file cannot be read, has an unknown key, or a value that

@@ -89,7 +89,7 @@ class SuctionPoints:
 
 @lru_cache(maxsize=256)
 def suction_points(model: ObjectModel, cup: SuctionCup = SuctionCup()) -> SuctionPoints:
-    """Finds where a cup seals on an object; kept for the next call.
+    """Finds where a cup seals on an object, and keeps it for the next call.
 
     Args:
         model: the object.

@@ -50,7 +50,7 @@ class Tote:
         return bool(inside and -_BELOW < p_T[2] < _PILE)
 
     def order(self, fills: Fills) -> list[int]:
-        """The numbers of the drops; first that over the least full part of the tote."""
+        """The numbers of the drops, first that over the least full part of the tote."""
         return [int(n) for n in np.argsort(fills, kind="stable")]
 
     def over(self, drop: int, fills: Fills) -> Array:

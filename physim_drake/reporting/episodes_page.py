@@ -23,7 +23,7 @@ def write_episodes_report(
     seed: str,
     folder: Path,
 ) -> Path:
-    """Writes `index.html` into a folder; it needs no network and no server.
+    """Writes `index.html` into a folder. The page needs neither network nor server.
 
     Args:
         results: the episodes.

@@ -277,7 +277,7 @@ def write_judged_scenes(explorer: Explorer, out: Path, scenes: int) -> None:
 
 @contextmanager
 def _new_dataset(out: Path, library: ObjectLibrary) -> Iterator[Path]:
-    """A dataset with models; yields the folder for its scenes."""
+    """Makes a dataset with models and yields the folder for its scenes."""
     make_folder(out)
     if any(out.iterdir()):
         raise InputError(out, "is not empty", "choose a new folder")

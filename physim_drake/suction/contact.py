@@ -110,7 +110,7 @@ def _vertices(
 def _require_hull(
     inspector: SceneGraphInspector, geometry: GeometryId, shape: Mesh, name: str
 ) -> None:
-    """A soft surface mesh acts as its hull in contact; any other need not be convex."""
+    """A soft surface mesh acts as its hull in contact. Any other need not be convex."""
     soft = isinstance(inspector.maybe_get_hydroelastic_mesh(geometry), VolumeMesh)
     if not soft or shape.extension() == ".vtk":
         raise InputError(

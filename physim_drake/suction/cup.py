@@ -211,7 +211,7 @@ def find_seal(
 def _lie_on_plane(
     gaps: Array, touching: NDArray[np.bool_], config: SuctionConfig
 ) -> tuple[float, Array, float]:
-    """Fits the lip's plane gap = a + b x + c y; the open share, its normal in G, a."""
+    """Fits the plane gap = a + b x + c y: the open share, its normal in G, and a."""
     if touching.sum() < 3:
         return 1.0, np.array([0.0, 0.0, -1.0]), 0.0
     terms = config.p_GL[touching].copy()
