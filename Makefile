@@ -38,7 +38,7 @@ lint: setup  ## Check style.
 .PHONY: typecheck
 typecheck: setup  ## Check types, of the examples, too.
 	@$(BIN)/mypy physim_drake examples
-	@$(BIN)/pyright
+	@$(BIN)/basedpyright
 
 .PHONY: peers
 peers: setup  ## Install what benchmarks/peers compares with, into build/peers.

@@ -30,7 +30,7 @@ DATASET = Path(__file__).parent / "data" / "tabletop"
 
 def main() -> None:
     """Estimates the example scene."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/example"))
     parser.add_argument("--expansions", type=int, default=250)
     arguments = parser.parse_args()

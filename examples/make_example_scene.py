@@ -58,7 +58,7 @@ DROPS = (
 
 def main() -> None:
     """Makes the scene in the folder that the command line names."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seed", type=int, default=3)
     arguments = parser.parse_args()

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, cast
 
 from numba import njit
 from numba.core.caching import FunctionCache
@@ -19,14 +19,14 @@ from numba.core.caching import FunctionCache
 class _OptionalCache(FunctionCache):  # type: ignore[misc]
     """Does without the files that cannot be read or written."""
 
-    def load_overload(self, *args: Any) -> Any:
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
         with suppress(OSError):
-            return super().load_overload(*args)
+            return super().load_overload(sig, target_context)
         return None
 
-    def save_overload(self, *args: Any) -> None:
+    def save_overload(self, sig: Any, data: Any) -> None:
         with suppress(OSError):
-            super().save_overload(*args)
+            super().save_overload(sig, data)
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -37,7 +37,7 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
-        dispatcher = njit(nogil=True, **options)(function)
+        dispatcher = cast(Any, njit(nogil=True, **options)(function))
         with suppress(RuntimeError):  # there is no place to keep it
             dispatcher._cache = _OptionalCache(function)
         return dispatcher

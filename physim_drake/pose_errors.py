@@ -196,7 +196,8 @@ def _nearest_symmetries(R_true_est: Array, symmetry: SymmetryGroup) -> Array:
     for D in symmetry.discrete:
         M = R_true_est @ D[:3, :3].T
         vee = np.array([M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]])
-        turned.append(axis.pose(np.arctan2(a @ vee, np.trace(M) - a @ M @ a)) @ D)
+        angle = float(np.arctan2(a @ vee, np.trace(M) - a @ M @ a))
+        turned.append(axis.pose(angle) @ D)
     return np.stack(turned)
 
 

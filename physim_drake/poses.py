@@ -137,7 +137,8 @@ class SymmetryGroup:
             return np.zeros(3)
         projectors = [np.eye(3) - np.outer(a.axis, a.axis) for a in self.axes]
         rhs = sum(P @ a.point for P, a in zip(projectors, self.axes, strict=True))
-        return np.asarray(np.linalg.lstsq(sum(projectors), rhs, rcond=None)[0])
+        point = np.linalg.lstsq(sum(projectors), rhs, rcond=None)[0]
+        return np.asarray(point, np.float64)
 
     def rotation_distance(
         self, R_WA: Array, R_WB: Array, pairwise: bool = False

@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ def average_precision(
     if not results or not ids:
         return AveragePrecision(0.0, 0.0, 0.0, 0.0, dict.fromkeys(ids, 0.0), 0.0)
     with redirect_stdout(io.StringIO()):
-        given = reference.loadRes(results)
+        given = reference.loadRes(results)  # pyright: ignore[reportArgumentType]
     boxes, box_recall = _evaluate(reference, given, "bbox")
     masks, _ = _evaluate(reference, given, "segm")
     by_object = {i: _mean(boxes[0, :, k]) for k, i in enumerate(ids)}
@@ -90,7 +90,7 @@ def average_precision(
 
 
 def _evaluate(
-    reference: COCO, given: COCO, kind: str
+    reference: COCO, given: COCO, kind: Literal["bbox", "segm"]
 ) -> tuple[NDArray[np.float64], float]:
     """Precision (overlaps, recalls, classes), -1 where undefined, and recall at 0.5."""
     with redirect_stdout(io.StringIO()):
@@ -123,7 +123,7 @@ def _reference(truth: Sequence[Sequence[Detection]]) -> COCO:
                 }
             )
     reference = COCO()
-    reference.dataset = {
+    dataset: dict[str, Any] = {
         "info": {},
         "images": [_image(k, objects) for k, objects in enumerate(truth, start=1)],
         "annotations": annotations,
@@ -131,6 +131,7 @@ def _reference(truth: Sequence[Sequence[Detection]]) -> COCO:
             {"id": i} for i in sorted({d["category_id"] for d in annotations})
         ],
     }
+    reference.dataset = dataset  # pyright: ignore[reportAttributeAccessIssue]
     with redirect_stdout(io.StringIO()):
         reference.createIndex()
     return reference
@@ -149,7 +150,5 @@ def _bbox(detection: Detection) -> list[float]:
 
 def _encode(detection: Detection) -> dict[str, Any]:
     assert detection.mask is not None, "masks are judged as well"
-    encoded: dict[str, Any] = coco_mask.encode(
-        np.asfortranarray(detection.mask, dtype=np.uint8)
-    )
-    return encoded
+    mask = np.asfortranarray(detection.mask, dtype=np.uint8)
+    return cast(dict[str, Any], coco_mask.encode(mask))

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pycocotools import mask as coco_mask
@@ -121,6 +121,6 @@ def _entry(image: ImageId, detection: Detection, seconds: float) -> dict[str, An
         packed = coco_mask.encode(np.asfortranarray(detection.mask, dtype=np.uint8))
         entry["segmentation"] = {
             "size": list(detection.mask.shape),
-            "counts": packed["counts"].decode("ascii"),
+            "counts": cast(bytes, packed["counts"]).decode("ascii"),
         }
     return entry

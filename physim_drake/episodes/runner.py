@@ -156,7 +156,8 @@ class EpisodeRunner(Closing):
             yield
             return
         middle = self.geometry.X_WA[:3, 3]
-        meshcat.SetCameraPose(middle + _VIEW_FROM, middle + _VIEW_OF)
+        eye, target = middle + _VIEW_FROM, middle + _VIEW_OF
+        meshcat.SetCameraPose(eye, target)  # pyright: ignore[reportArgumentType]
         meshcat.StartRecording(set_visualizations_while_recording=True)
         yield
         meshcat.StopRecording()

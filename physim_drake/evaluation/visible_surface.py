@@ -29,6 +29,7 @@ class RenderDepth(Protocol):
 
     def render(self, object_id: int, X_CO: Array, /) -> DepthImage:
         """Depth (height, width), m, of the object at `X_CO`; 0 outside it."""
+        ...
 
 
 @dataclass(frozen=True)

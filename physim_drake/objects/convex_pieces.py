@@ -87,7 +87,7 @@ def surface_distance(
         end: the surface that distances are taken to, m.
         percentile: 100 for the largest.
     """
-    points, _ = trimesh.sample.sample_surface(start, 2000, seed=0)
+    points, _ = trimesh.sample.sample_surface(start, 2000, seed=0)[:2]
     _, distances, _ = trimesh.proximity.closest_point(end, points)
     return float(np.percentile(distances, percentile))
 
@@ -104,7 +104,7 @@ def pieces_deviation(
         pieces: convex meshes, m.
         mesh: the surface that they cover, m.
     """
-    points, _ = trimesh.sample.sample_surface(mesh, 2000, seed=0)
+    points, _ = trimesh.sample.sample_surface(mesh, 2000, seed=0)[:2]
     gap = np.min([_signed_distance(piece, points) for piece in pieces], axis=0)
     start = np.concatenate(
         [trimesh.sample.sample_surface(piece, 1000, seed=0)[0] for piece in pieces]

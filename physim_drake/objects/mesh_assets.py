@@ -32,11 +32,11 @@ class FolderResolver(Resolver):  # type: ignore[misc]
         self._folder = folder
         self._pixels = 0
 
-    def get(self, name: str) -> bytes:
+    def get(self, key: str) -> bytes:
         """The bytes of a file; raises `FileNotFoundError` where it may not be had."""
-        path = find_asset(self._folder, name)
+        path = find_asset(self._folder, key)
         if path is None:
-            raise FileNotFoundError(name)
+            raise FileNotFoundError(key)
         data = path.read_bytes()
         if path.suffix.lower() != ".mtl":
             self._pixels += texture_pixels(data)

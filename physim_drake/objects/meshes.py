@@ -177,7 +177,7 @@ def sample_evenly(
     Returns:
         points (N, 3), m, and their outward unit normals (N, 3).
     """
-    candidates, faces = trimesh.sample.sample_surface(mesh, 4 * count, seed=seed)
+    candidates, faces = trimesh.sample.sample_surface(mesh, 4 * count, seed=seed)[:2]
     candidates = np.asarray(candidates)
     chosen = np.zeros(count, dtype=np.intp)
     distance = np.linalg.norm(candidates - candidates[0], axis=1)

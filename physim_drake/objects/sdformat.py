@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import trimesh
@@ -108,10 +108,12 @@ def _write_visual(model: ObjectModel, folder: Path, stem: str) -> Path:
     path, material = folder / f"{stem}.obj", folder / f"{stem}.mtl"
     raw = read_raw_mesh(model.source) if model.source.is_file() else None
     color, image, uv = _GREY, None, None
-    if raw is not None and raw.visual.kind == "texture":
-        image, uv = _texture_image(raw), raw.visual.uv
-    elif raw is not None and raw.visual.kind == "vertex":
-        color = np.asarray(raw.visual.vertex_colors)[:, :3].mean(axis=0) / 255
+    # Which of trimesh's kinds of visuals it is, its `kind` says.
+    visual = cast(Any, getattr(raw, "visual", None))
+    if raw is not None and visual.kind == "texture":
+        image, uv = _texture_image(raw), visual.uv
+    elif raw is not None and visual.kind == "vertex":
+        color = np.asarray(visual.vertex_colors)[:, :3].mean(axis=0) / 255
     lines = ["newmtl surface", "Kd {:.4f} {:.4f} {:.4f}".format(*color)]
     if raw is not None and image is not None and uv is not None:
         # The merged mesh of the model has lost the seams of the texture.
@@ -137,7 +139,7 @@ def _texture_image(raw: trimesh.Trimesh) -> Any:
 
     None where there is none, or it is damaged.
     """
-    material = raw.visual.material
+    material = getattr(raw.visual, "material", None)
     image = getattr(material, "image", None)
     if image is None:
         image = getattr(material, "baseColorTexture", None)

@@ -36,7 +36,8 @@ class SurfaceMatch:
     """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
-        points, faces = trimesh.sample.sample_surface(mesh, _REFERENCE_POINTS, seed=1)
+        sampled = trimesh.sample.sample_surface(mesh, _REFERENCE_POINTS, seed=1)
+        points, faces = sampled[:2]
         self._points = np.asarray(points)
         self._normals = np.asarray(mesh.face_normals)[faces]
         self._tree = KDTree(self._points)
@@ -96,7 +97,7 @@ class SurfaceMatch:
             # Motions along the surface are not determined; rcond leaves them alone.
             scale = np.repeat([1 / np.sqrt(np.trace(self.covariance)), 1.0], 3)
             step = -scale * np.linalg.lstsq(J * scale, residual[kept], rcond=0.05)[0]
-            delta = exp_pose(step)
+            delta = exp_pose(np.asarray(step, np.float64))
             R = nearest_rotation(delta[:3, :3] @ X[:3, :3])
             p = delta[:3, :3] @ (X[:3, 3] - self.centroid) + self.centroid
             X = make_pose(R, p + step[3:])

@@ -8,6 +8,7 @@ is called once and keeps it. https://docs.ray.io/en/latest/ray-core/fault-tolera
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import socket
@@ -159,7 +160,9 @@ def _connect() -> Any:
             address = os.environ.get("RAY_ADDRESS", "")
             _knock(address)
             # Without "auto" it would begin a cluster, open to the whole network.
-            ray.init(address or "auto", log_to_driver=False, logging_level="ERROR")
+            ray.init(
+                address or "auto", log_to_driver=False, logging_level=logging.ERROR
+            )
         except (ConnectionError, OSError, RuntimeError, ValueError) as error:
             raise InputError(
                 "RAY_ADDRESS",

@@ -17,7 +17,7 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -254,7 +254,7 @@ def _add_collision(
     else:
         AddRigidHydroelasticProperties(0.02, properties)
     for n, piece in enumerate(model.collision_pieces):
-        text = piece.export(file_type="obj")
+        text = cast(str, piece.export(file_type="obj"))
         shape = Convex(
             InMemoryMesh(mesh_file=MemoryFile(text, ".obj", f"{model.name}_{n}.obj"))
         )

@@ -22,7 +22,7 @@ def plane_axes(normals: Array) -> tuple[Array, Array]:
     helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
     x = np.cross(helper, normals)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return x, np.cross(normals, x)
+    return x, np.asarray(np.cross(normals, x), np.float64)
 
 
 def surface_heights(

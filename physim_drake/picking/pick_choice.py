@@ -30,19 +30,23 @@ class MotionPlanner(Protocol):
 
     def plan_look(self, q_now: Array, X_WC: Array) -> ArmTrajectory:
         """Brings the camera to a pose."""
+        ...
 
     def plan_pick(self, q_now: Array, candidate: PickCandidate) -> PickPlan:
         """Plans reaching for an object, pressing the cup on it and lifting it."""
+        ...
 
     def plan_place(
         self, q_now: Array, X_WG_place: Array, held: HeldObject
     ) -> ArmTrajectory:
         """Carries the held object to a pose of the cup."""
+        ...
 
     def plan_line(
         self, q_now: Array, shift_W: Array, held: HeldObject | None
     ) -> ArmTrajectory:
         """Moves the cup along a straight line."""
+        ...
 
 
 @dataclass(frozen=True)

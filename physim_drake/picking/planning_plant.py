@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.common import MemoryFile, Parallelism
@@ -223,7 +223,7 @@ def _add_slot(
 
 
 def _convex(model: ObjectModel, n: int) -> Convex:
-    text = model.collision_pieces[n].export(file_type="obj")
+    text = cast(str, model.collision_pieces[n].export(file_type="obj"))
     file = MemoryFile(text, ".obj", f"{model.name}_{n}.obj")
     return Convex(InMemoryMesh(mesh_file=file))
 

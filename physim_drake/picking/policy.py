@@ -175,6 +175,7 @@ class PickPolicy(Protocol):
             library: models of its objects.
             conditions: what holds for every candidate.
         """
+        ...
 
 
 def object_candidates(

@@ -137,6 +137,7 @@ def _seated(
     """
     start = normals
     ring = _ring(cup.lip_radius)
+    found = np.zeros(len(normals), dtype=bool)
     for _ in range(2):
         heights = surface_heights(model.mesh, positions, normals, ring, _RAY_REACH)
         # Least squares on an evenly spaced ring decouples into two sums.

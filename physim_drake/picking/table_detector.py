@@ -60,7 +60,7 @@ def middle_points(detection: Detection, observation: RgbdObservation) -> Array:
     v, u = np.meshgrid(rows, columns, indexing="ij")
     K = observation.intrinsics
     p_C = np.stack([(u - K.cx) * z / K.fx, (v - K.cy) * z / K.fy, z], axis=-1)
-    return transform_points(observation.X_WC, p_C[z > 0])
+    return transform_points(observation.X_WC, np.asarray(p_C[z > 0], np.float64))
 
 
 def _indices(low: float, high: float, size: int) -> NDArray[np.intp]:

@@ -90,7 +90,7 @@ def build_distance_field(mesh: trimesh.Trimesh) -> DistanceField:
     origin = low - _MARGIN
     count = int(_SAMPLES_PER_CELL_AREA * mesh.area / spacing**2) + 1000
     count += min(_SAMPLES_PER_FACE * len(mesh.faces), _MAX_FACE_SAMPLES)
-    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)
+    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
     unsigned = _sample_distances(samples, origin, spacing, shape).ravel()
     near = unsigned < _EXACT_BAND * spacing
     index = np.stack(np.unravel_index(np.flatnonzero(near), shape), axis=1)

@@ -88,7 +88,7 @@ class NormalEquations:
         scale = max(float(self.A.diagonal()[shifts].mean()), 1e-9)
         extra = np.where(shifts, damping, damping * 0.05**2) * scale
         step = np.linalg.solve(self.A + np.diag(extra), self.b)
-        return np.asarray(step).reshape(-1, 6)
+        return np.asarray(step, np.float64).reshape(-1, 6)
 
 
 def geman_mcclure(residual: Array, scale: float) -> Array:

@@ -128,7 +128,8 @@ def _speckles(rng: np.random.Generator, base: Array) -> Texture:
 def _noise(rng: np.random.Generator, cells: tuple[int, int]) -> Array:
     """Smooth noise (size, size) of unit variance from a grid of random values."""
     grid = rng.standard_normal(cells)
-    return np.asarray(cv2.resize(grid, (_SIZE, _SIZE), interpolation=cv2.INTER_CUBIC))
+    noise = cv2.resize(grid, (_SIZE, _SIZE), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(noise, np.float64)
 
 
 def _tint(pattern: Array, base: Array, contrast: float) -> Texture:

@@ -27,6 +27,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
+from trimesh.exchange.obj import export_obj
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.objects.model import ObjectModel
@@ -40,7 +41,7 @@ _ENGINE = "vtk"
 
 def mesh_shape(mesh: trimesh.Trimesh, name: str) -> Mesh:
     """A Drake shape of `mesh` (metres), held in memory."""
-    text = trimesh.exchange.obj.export_obj(
+    text = export_obj(
         mesh, include_normals=True, include_texture=False, include_color=False
     )
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", f"{name}.obj")))

@@ -183,7 +183,8 @@ def _mix(rng: np.random.Generator, share: Array) -> Array:
 def _noise(rng: np.random.Generator, size: int, cells: int) -> Array:
     """Smooth noise (size, size) of about unit variance from a grid of random values."""
     grid = rng.standard_normal((cells, cells))
-    return np.asarray(cv2.resize(grid, (size, size), interpolation=cv2.INTER_CUBIC))
+    noise = cv2.resize(grid, (size, size), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(noise, np.float64)
 
 
 def _bytes(image: Array) -> NDArray[np.uint8]:

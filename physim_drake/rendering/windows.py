@@ -43,9 +43,11 @@ class ObjectRenderer(Protocol):
     @property
     def intrinsics(self) -> CameraIntrinsics:
         """Of the camera."""
+        ...
 
     def window(self, object_id: int, X_CO: Array) -> DepthWindow:
         """Draws the object alone, at a pose (4, 4) in the camera."""
+        ...
 
 
 def crop(image: DepthImage) -> DepthWindow:

@@ -251,7 +251,7 @@ class Study:
                 count += 1
         if count == 0:
             return np.zeros((0, 3))
-        return np.column_stack([grid, errors / count])
+        return np.asarray(np.column_stack([grid, errors / count]), np.float64)
 
     def _object_curves(
         self, image: ImageId, outcome: ImageOutcome, grid: Array

@@ -154,11 +154,13 @@ def _look_at(
 ) -> SceneRecord:
     visuals = [model_files[i].with_suffix(".obj") for i in scene.object_ids]
     view_config = config.view
+    shared = None
     if not view_config.vivid:
-        renderer = make_renderer(scene, visuals, Appearance.draw(rng))
+        shared = make_renderer(scene, visuals, Appearance.draw(rng))
     views, detections = [], []
     for _ in range(config.views):
-        if view_config.vivid:
+        renderer = shared
+        if renderer is None:
             models = [library[i] for i in scene.object_ids]
             renderer = make_vivid_renderer(
                 scene, visuals, models, view_config.distractors, rng

@@ -182,6 +182,7 @@ def read_safetensors(path: Path, remedy: str) -> tuple[dict[str, str], dict[str,
     Raises:
         InputError: where it is not one.
     """
+    head = b""
     try:
         with path.open("rb") as file:
             head = file.read(4)

@@ -160,7 +160,9 @@ class Augmenter:
             zoom = np.exp(rng.uniform(-0.5, 0.5))
             matrix = _paste_motion(mask, zoom, rng)
             size = (labels.shape[1], labels.shape[0])
-            moved = cv2.warpAffine(mask.astype(np.float32), matrix, size)
+            moved = np.asarray(
+                cv2.warpAffine(mask.astype(np.float32), matrix, size), np.float32
+            )
             seen = moved > 0.5
             light = rng.uniform(0.6, 1.4)
             pasted = cv2.warpAffine(other.color, matrix, size) * light
@@ -205,7 +207,8 @@ class Augmenter:
         if image.depth is not None:
             depth = cv2.warpAffine(
                 image.depth, matrix, (width, height), flags=cv2.INTER_NEAREST
-            ) / np.float32(zoom)
+            )
+            depth = np.asarray(depth, np.float32) / np.float32(zoom)
         return LabelledImage(
             np.asarray(color, np.uint8),
             np.asarray(labels, np.uint8),
@@ -281,7 +284,9 @@ def _paste_motion(
 def _soft(mask: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.float32]:
     """A mask with an edge as a lens makes it."""
     blur = rng.uniform(0.3, 1.2)
-    return np.asarray(cv2.GaussianBlur(mask.astype(np.float32), (0, 0), blur))
+    return np.asarray(
+        cv2.GaussianBlur(mask.astype(np.float32), (0, 0), blur), np.float32
+    )
 
 
 def _blend(

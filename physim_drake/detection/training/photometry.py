@@ -72,8 +72,9 @@ def take_photo(
     if rng.random() < config.blur:
         image = _blurred(image, rng.uniform(0.4, config.max_blur), rng)
     elif rng.random() < config.sharpen:
-        soft = cv2.GaussianBlur(image, (0, 0), 1.0)
-        image = image + np.float32(rng.uniform(0.3, 1.2)) * (image - soft)
+        soft = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.float32)
+        sharp = image + np.float32(rng.uniform(0.3, 1.2)) * (image - soft)
+        image = np.asarray(sharp, np.float32)
     image = _noisy(image, config, rng)
     image = np.clip(image, 0, 255).astype(np.float32)
     if rng.random() < config.compress:
@@ -96,7 +97,8 @@ def _tone(
     levels = np.arange(256)[:, None] / 255.0
     table = 255.0 * gain * balance * levels**gamma + offset
     tables = np.clip(table, 0, 255).astype(np.float32)
-    return np.asarray(cv2.LUT(image.astype(np.uint8), tables[:, None, :].copy()))
+    toned = cv2.LUT(image.astype(np.uint8), tables[:, None, :].copy())
+    return np.asarray(toned, np.float32)
 
 
 def _saturate(
@@ -108,13 +110,13 @@ def _saturate(
     grey = np.full((3, 3), 1.0 / 3)
     across = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]]) / np.sqrt(3)
     about = np.cos(angle) * (np.eye(3) - grey) + np.sin(angle) * across
-    return np.asarray(cv2.transform(image, grey + factor * about))
+    return np.asarray(cv2.transform(image, grey + factor * about), np.float32)
 
 
 def _blurred(image: FloatImage, blur: float, rng: np.random.Generator) -> FloatImage:
     """Out of focus, or moved while it was taken."""
     if rng.random() < 0.6:
-        return np.asarray(cv2.GaussianBlur(image, (0, 0), blur))
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), blur), np.float32)
     length = int(np.ceil(2 * blur)) | 1
     angle = rng.uniform(0, np.pi)
     kernel = np.zeros((length, length), np.float32)
@@ -122,7 +124,7 @@ def _blurred(image: FloatImage, blur: float, rng: np.random.Generator) -> FloatI
     step = middle * np.array([np.cos(angle), np.sin(angle)])
     start, end = (tuple(round(float(middle + s * x)) for x in step) for s in (-1, 1))
     cv2.line(kernel, start, end, 1.0)
-    return np.asarray(cv2.filter2D(image, -1, kernel / kernel.sum()))
+    return np.asarray(cv2.filter2D(image, -1, kernel / kernel.sum()), np.float32)
 
 
 def _noisy(
@@ -132,4 +134,4 @@ def _noisy(
     noise = rng.standard_normal(image.shape, dtype=np.float32)
     if rng.random() < config.grain:
         noise = 2.0 * cv2.GaussianBlur(noise, (0, 0), 0.8)
-    return image + np.float32(spread) * noise
+    return np.asarray(image + np.float32(spread) * noise, np.float32)
