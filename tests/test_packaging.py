@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The wheel and the source archive hold everything, and an installed wheel works."""
+"""Archives hold everything, and however it is installed there is one package."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ class Built:
     Attributes:
         tracked: the files that git knows, relative to the root.
         copied: these, and those that it would know after `git add`.
+        source: the copy, as a checkout.
         wheel: built of the copy.
         sdist: built of the copy.
         wheel_of_sdist: built of what `sdist` holds.
@@ -50,6 +51,7 @@ class Built:
 
     tracked: frozenset[str]
     copied: frozenset[str]
+    source: Path
     wheel: Path
     sdist: Path
     wheel_of_sdist: Path
@@ -98,6 +100,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return Built(
         tracked,
         copied,
+        source,
         build("wheel", source, folder / "wheel"),
         sdist,
         build("wheel", unpacked, folder / "again"),
@@ -145,12 +148,24 @@ def test_the_source_archive_builds_the_same_wheel(built: Built) -> None:
 
 @pytest.fixture(scope="module")
 def environment(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A new environment with the wheel; its dependencies are those of the tests."""
-    folder = tmp_path_factory.mktemp("environment")
+    """A new environment with the wheel."""
+    return installed(built.wheel, tmp_path_factory.mktemp("environment"))
+
+
+@pytest.fixture(scope="module")
+def editable(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new environment with an editable installation of the copy."""
+    folder = tmp_path_factory.mktemp("editable")
+    wheel = build("editable", built.source, folder / "wheel")
+    return installed(wheel, folder / "environment")
+
+
+def installed(wheel: Path, folder: Path) -> Path:
+    """A new environment with a wheel; its dependencies are those of the tests."""
     venv.create(folder, with_pip=False, symlinks=True)
     pip = [sys.executable, "-m", "pip", "--python", folder / "bin" / "python"]
     offline = ["--quiet", "--no-deps", "--no-index", "--disable-pip-version-check"]
-    install = [*pip, "install", *offline, built.wheel]
+    install = [*pip, "install", *offline, wheel]
     subprocess.run(install, check=True, env=clean_variables())
     (packages,) = (folder / "lib").glob("python*/site-packages")
     # A .pth file in a folder that another one names is not read, so that the
@@ -164,11 +179,13 @@ def clean_variables() -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
 
 
-def run(environment: Path, *command: str, **variables: str) -> str:
+def run(
+    environment: Path, *command: str, cwd: Path | None = None, **variables: str
+) -> str:
     """What a program of the environment prints; it must succeed."""
     done = subprocess.run(
         [environment / "bin" / command[0], *command[1:]],
-        cwd=environment,
+        cwd=cwd or environment,
         env=clean_variables() | variables,
         capture_output=True,
         text=True,
@@ -223,6 +240,53 @@ print(plant.num_model_instances() - 2, physim_drake.__file__)
     count, path = run(environment, "python", "-c", program).split()
     assert count == "12"
     assert Path(path).is_relative_to(environment)
+
+
+_FOLDERS = """
+from pathlib import Path
+
+import physim_drake
+import physim_drake.models
+import physim_drake.systems
+
+modules = (physim_drake, physim_drake.models, physim_drake.systems)
+folders = [Path(module.__file__).parent for module in modules]
+"""
+
+
+def test_a_wheel_is_one_package(environment: Path) -> None:
+    package, models, systems = imported_folders(environment)
+    assert package.is_relative_to(environment)
+    assert (models, systems) == (package / "models", package / "systems")
+
+
+def test_an_editable_installation_is_the_checkout(built: Built, editable: Path) -> None:
+    package, models, systems = imported_folders(editable)
+    assert package == built.source / "physim_drake"
+    assert (models, systems) == (package / "models", package / "systems")
+
+
+@pytest.mark.parametrize("installation", ["environment", "editable"])
+def test_pytest_in_the_checkout_tests_the_checkout_alone(
+    installation: str, built: Built, request: pytest.FixtureRequest
+) -> None:
+    """A checkout hides what is installed, so nothing may be missing from it."""
+    package = built.source / "physim_drake"
+    expected = [str(package / part) for part in ("", "models", "systems")]
+    (built.source / "tests" / "test_of_folders.py").write_text(
+        f"{_FOLDERS}\n\ndef test_folders() -> None:\n"
+        f"    assert list(map(str, folders)) == {expected}\n"
+    )
+    # Without -P, the current folder would be on the path, which pytest has not.
+    pytest_alone = ("python", "-P", "-m", "pytest", "-p", "no:cacheprovider")
+    environment = request.getfixturevalue(installation)
+    run(environment, *pytest_alone, "tests/test_of_folders.py", cwd=built.source)
+
+
+def imported_folders(environment: Path) -> list[Path]:
+    """Where the package, its models and its systems are imported from."""
+    program = f"{_FOLDERS}\nprint(*folders, sep='\\n')"
+    return [Path(p) for p in run(environment, "python", "-c", program).splitlines()]
 
 
 def test_the_citation_is_of_this_version() -> None:
