@@ -5,7 +5,7 @@
         [--seconds 60] [--json FILE] [--out FOLDER]
 
 With atheris installed (`pip install -e '.[fuzz]'`) inputs are guided by the code that
-they reach; without it they come from hypothesis. Each target runs in a process of its
+they reach. Without it they come from hypothesis. Each target runs in a process of its
 own. An input that makes a reader raise anything else, take more than 20 s or more than
 4 GB is kept in the folder of --out, and the exit status is 1.
 """
@@ -40,14 +40,14 @@ _START = 600  # s that a target may take beside reading: imports, shrinking an i
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one target.
+    """The result of one target.
 
     Attributes:
-        target: its name.
-        inputs: how many it read.
-        seconds: how long it ran, its start included.
-        memory_mb: the most memory that its process had.
-        faults: names of files that hold inputs that went wrong, and what else did.
+        target: name of the target.
+        inputs: number of inputs read.
+        seconds: time that it ran, its start included.
+        memory_mb: largest memory of its process, MB.
+        faults: names of files with inputs that failed, and other failures.
     """
 
     target: str
@@ -63,7 +63,7 @@ class Finding:
 
 
 class _TooSlowError(BaseException):
-    """A reader takes too long; no `Exception`, so that the reader cannot catch it."""
+    """A reader takes too long. Not an `Exception`, which the reader could catch."""
 
 
 def main(
@@ -101,14 +101,14 @@ def fuzz(
     """Fuzzes targets one after the other.
 
     Args:
-        names: of the targets.
-        seconds: how long to read in all; each target has the same share.
+        names: names of the targets.
+        seconds: time to read in all, shared equally by the targets.
         engine: one of `ENGINES`.
-        out: folder for inputs that go wrong; is made.
-        told: hears of each target when it is done.
+        out: folder for inputs that fail. It is made.
+        told: callback for each finished target.
 
     Returns:
-        what came of each, in order.
+        the result of each target, in order.
     """
     out.mkdir(parents=True, exist_ok=True)
     findings = []
@@ -119,7 +119,7 @@ def fuzz(
 
 
 def default_engine() -> str:
-    """The best engine that is installed; says so where it is not atheris."""
+    """The best engine that is installed. Says so if it is not atheris."""
     if importlib.util.find_spec("atheris") is not None:
         return "atheris"
     print(
@@ -131,7 +131,7 @@ def default_engine() -> str:
 
 
 def _fuzz_target(name: str, seconds: float, engine: str, out: Path) -> Finding:
-    """Runs one target in a process; what it found."""
+    """Runs one target in a process and returns what it found."""
     before = set(out.iterdir())
     start = time.monotonic()
     text, wrong = _run_process(name, max(1, round(seconds)), engine, out)
@@ -152,7 +152,7 @@ def _fuzz_target(name: str, seconds: float, engine: str, out: Path) -> Finding:
 
 
 def _run_process(name: str, seconds: int, engine: str, out: Path) -> tuple[str, bool]:
-    """Runs a target in a process: what it printed, and whether it went wrong."""
+    """Runs a target in a process. Returns its output, and whether it failed."""
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=memory) as folder:
         command = [sys.executable, __file__, "--child", name, engine, str(out), folder]
@@ -235,13 +235,13 @@ def _run_hypothesis(name: str, folder: Path, out: Path, seconds: int) -> None:
 
 
 def _read_within_limits(read: Callable[[bytes], None], data: bytes, keep: Path) -> None:
-    """Reads an input; writes it to a file where that goes wrong."""
+    """Reads an input, and writes it to a file if that fails."""
     signal.alarm(SECONDS_AN_INPUT)
     try:
         read(data)
         assert _memory_mb() < MEMORY_MB, f"took {_memory_mb()} MB"
     except KeyboardInterrupt:
-        raise  # says nothing of the input
+        raise  # the input is not the cause
     except BaseException:
         # Whatever it is: a panic of a library in Rust and `_TooSlowError` are no
         # `Exception`. It goes on to whoever counts faults.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Every reader of files, each fed one file of any bytes among files that are right.
+"""Targets that feed each reader one file of arbitrary bytes among valid files.
 
-A target takes bytes: the first chooses which file the others become. Nothing but
-`PhysimError` may leave the readers; a target lets everything else through.
+A target takes bytes. The first chooses the file that the others become. A target
+catches `PhysimError`, all that readers may raise, and lets everything else through.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Target:
 
     Attributes:
         seeds: inputs with valid files, to begin from.
-        read: reads an input; lets everything but `PhysimError` through.
+        read: function that reads an input and catches only `PhysimError`.
     """
 
     seeds: tuple[bytes, ...]
@@ -69,7 +69,7 @@ def _files_target(
 
 @contextmanager
 def only_physim_errors() -> Iterator[None]:
-    """Takes what users are told; anything else is a defect and goes through."""
+    """Catches errors that users can remedy. Anything else is a defect."""
     with suppress(PhysimError):
         yield
 
@@ -100,7 +100,7 @@ def bop_target(folder: Path) -> Target:
 
 
 def _write_bop(folder: Path) -> list[str]:
-    """Writes a dataset of one image; the names of its JSON files."""
+    """Writes a dataset of one image and returns the names of its JSON files."""
     scene = folder / "test" / "000003"
     camera = {"cam_K": [10.0, 0, 5.5, 0, 11.0, 3.5, 0, 0, 1], "depth_scale": 0.1}
     camera |= {"cam_R_w2c": TURN, "cam_t_w2c": [0.0, 0.0, 500.0]}
@@ -164,7 +164,7 @@ def rle_target(folder: Path) -> Target:
 
 
 def png_target(folder: Path) -> Target:
-    """Depth, colour and mask images; checksums are put right, to get further."""
+    """Depth, colour and mask images. Checksums are mended, to get further."""
     _write_image(folder / "depth.png", _depth())
     _write_image(folder / "color.png", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
     _write_image(folder / "color.jpg", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
@@ -298,7 +298,7 @@ def weights_target(folder: Path) -> Target:
 
 
 def _write_training(folder: Path) -> TrainingState:
-    """Writes weights, a state and a log; returns what the state can be loaded into."""
+    """Writes weights, a state and a log. Returns what the state can be loaded into."""
     import torch
 
     from physim_drake.detection.networks import weights

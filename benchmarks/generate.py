@@ -2,8 +2,8 @@
 """What a generated image costs: python benchmarks/generate.py [SCENES].
 
 Three-object scenes of levels 1, 2 and 3 in turn, one image each, from drawing to the
-files on the disk, in CPU seconds of one thread. Where the time goes is told by stage;
-a stage's time includes tries that were rejected.
+files on the disk, in CPU seconds of one thread, and for each stage. A stage's
+time includes tries that were rejected.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Small runs of commands that take long, and what of their files is always the same."""
+"""Small runs of long commands, and the parts of their files that must not differ."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physim_drake.models import APC11
 NAMES = ("estimate", "generate", "train", "report", "pick")
 _MODELS = 2  # objects that the tiny detector learns
 _TIMES = ("wall_time", "real_time_factor", "stages")  # in the figures of `pick`
-_PAGE = "picked/index.html"  # of `pick`; shows its figures, times among them
+_PAGE = "picked/index.html"  # of `pick`, with its figures, times among them
 _CELL = """
 objects: {names: [dove_beauty_bar], count: [1, 1], levels: [1]}
 look: {noise: false, method: pca-icp, detector: oracle}
@@ -27,11 +27,11 @@ class Case:
     """A command whose runs are cut off.
 
     Attributes:
-        name: the command.
-        arguments: its arguments but for where it writes and its workers.
-        output: gives the arguments that say where it writes, for a folder.
-        workers: numbers of them that make no difference; the first is that of runs
-            that are cut off.
+        name: name of the command.
+        arguments: arguments without those for output and workers.
+        output: function from a folder to the arguments that name the output.
+        workers: numbers of workers that must not make a difference. Runs that are cut
+            off have the first.
     """
 
     name: str
@@ -46,10 +46,10 @@ class Case:
 
 
 def make_cases(folder: Path, names: Sequence[str]) -> list[Case]:
-    """The cases of these names; makes what they read in a folder.
+    """Makes the cases of these names, with their inputs in a folder.
 
     Raises:
-        RuntimeError: where that fails.
+        RuntimeError: if an input cannot be made.
     """
     size = ("--scenes", "4", "--objects", "2:3", "--seed", "5")
     generate = Case("generate", size, lambda out: (str(out / "scenes"),), (2, 4))
@@ -99,7 +99,7 @@ def report_case(dataset: Path) -> Case:
 
 
 def pick_case(scenario: Path) -> Case:
-    """Two moments of a cell with one object; writes its scenario."""
+    """Two moments of a cell with one object. Writes its scenario."""
     scenario.write_text(_CELL)
     return Case(
         "pick",
@@ -131,7 +131,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def _compared(path: Path) -> bytes:
-    """What of a file is the same in every run."""
+    """The part of a file that is the same in every run."""
     if path.name == "results.csv":
         lines = path.read_text().splitlines()
         return "\n".join(line.rpartition(",")[0] for line in lines).encode()

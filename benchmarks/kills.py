@@ -6,11 +6,11 @@
 
 Small runs of the commands that take long are cut off at random moments: the main
 process is killed (SIGKILL), one of its workers is, or the run is asked to stop (Ctrl-C
-or SIGTERM). What was cut off goes on with `--resume`; what ends is compared, byte by
-byte but for times, with a run that nothing happened to and that had one worker. A kill
-is survived where the run ends with the same files. After each end of a main process,
-what still runs of it a second later is an orphan; what is left in temporary folders, in
-shared memory or beside the results, and is none of them, is litter.
+or SIGTERM). A run that was cut off goes on with `--resume`. One that ends is compared,
+byte by byte except for times, with an undisturbed run of one worker. A kill is survived
+if the run ends with the same files. A process that still runs a second after its main
+process ended is an orphan. What is left in temporary folders, in shared memory or
+beside the results is litter.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from benchmarks.processes import (
 )
 from physim_drake.cli.progress import Steps
 
-_STOP_LIMIT = 10.0  # s; two are promised, a machine with other work gets some more
+_STOP_LIMIT = 10.0  # s, of which two are promised and the rest is for a busy machine
 _OF_TORCH = "torchinductor_"  # an empty folder that torch makes for its compiler
 _HANG = 1800.0  # s, far beyond what any of these runs takes
 
@@ -57,15 +57,15 @@ class Tally:
 
     Attributes:
         main: times the main process was killed.
-        worker: times a worker was.
+        worker: times a worker was killed.
         stopped: times the run was asked to stop.
-        survived: how many of all these the results show nothing of.
-        runs: that came to their end.
-        same: of these, those with the files of the unbroken run.
-        orphans: processes that outlived their main process.
-        litter: files, folders and shared memory that were left and are no results.
-        slowest_stop: from the request to the end of the process, s.
-        wrong: what else was not as it should be.
+        survived: number of these that did not change the results.
+        runs: number of runs that ended.
+        same: number of these with the files of the unbroken run.
+        orphans: number of processes that outlived their main process.
+        litter: number of files, folders and shared memory left beside the results.
+        slowest_stop: longest time from the request to the end of the process, s.
+        wrong: other faults.
     """
 
     main: int = 0
@@ -121,13 +121,13 @@ def run_kills(
     """Divides kills among commands.
 
     Args:
-        kills: how many in all.
-        names: of the commands.
-        seed: of what happens when.
-        told: hears how many there were so far.
+        kills: number of kills in all.
+        names: names of the commands.
+        seed: seed of what happens when.
+        told: callback for the number of kills so far.
 
     Returns:
-        what happened, by command. Where one failed altogether, its tally says so.
+        what happened, by command. If a command failed altogether, its tally says so.
     """
     tallies: dict[str, Tally] = {}
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
@@ -156,18 +156,18 @@ def cut_off(
     tally: Tally,
     told: Callable[[], object] = lambda: None,
 ) -> None:
-    """Cuts runs of a case off until that has happened so often, and counts.
+    """Cuts runs of a case off a number of times, and counts.
 
     Args:
-        case: what runs.
-        folder: where; is made.
-        kills: how often.
-        rng: says when, and what is killed.
-        tally: is added to.
-        told: is called whenever a process has ended.
+        case: case to run.
+        folder: folder to run in. It is made.
+        kills: number of kills.
+        rng: source of when and what to kill.
+        tally: tally to add to.
+        told: callback after each end of a process.
 
     Raises:
-        RuntimeError: where a run fails or hangs.
+        RuntimeError: if a run fails or hangs.
     """
     begun, shared = time.monotonic(), segments()
     expected = _unbroken(case, folder / "unbroken", 1)
@@ -194,7 +194,7 @@ def cut_off(
 def _judge(
     case: Case, folder: Path, expected: Mapping[str, bytes], kills: int, tally: Tally
 ) -> None:
-    """Compares what a run left that came to its end after some kills."""
+    """Compares what a run left that ended after some kills."""
     tally.runs += 1
     found = contents(folder)
     if found == expected:
@@ -223,7 +223,7 @@ def _run_once(
     rng: np.random.Generator,
     tally: Tally,
 ) -> bool:
-    """Begins or resumes a run, which may be cut off; returns whether it ended well."""
+    """Begins or resumes a run, which may be cut off. Returns whether it ended well."""
     arguments = [*case.command(folder, case.workers[0]), "--resume"]
     with started(arguments, folder.parent / "tmp") as (process, printing):
         if tally.kills < goal:

@@ -42,10 +42,10 @@ class Sample:
     """Memory at one moment.
 
     Attributes:
-        seconds: since the start.
-        images: that were done.
-        main_mb: of the main process.
-        workers_mb: of all its children together.
+        seconds: time since the start.
+        images: number of images done.
+        main_mb: memory of the main process, MB.
+        workers_mb: memory of all its children together, MB.
     """
 
     seconds: float
@@ -90,11 +90,12 @@ def measure(
     """Runs one estimate and samples its memory.
 
     Args:
-        images: how many it has to do.
-        workers: how many do them.
-        objects: the library is filled up to so many; 0 leaves it as it is.
-        expansions: of the search for each image.
-        work: folder for what is written on the way.
+        images: number of images to estimate.
+        workers: number of processes.
+        objects: number of objects that the library is filled up to. 0 leaves it as it
+            is.
+        expansions: expansions of the search for each image.
+        work: folder for intermediate files.
 
     Returns:
         figures, see `summarise`, and the samples.
@@ -172,7 +173,7 @@ def fill_library(folder: Path, objects: int) -> Path:
 
 
 def watch(arguments: list[str], progress: Path) -> tuple[list[Sample], int]:
-    """Runs the command line; its memory each half second, and its exit status."""
+    """Runs the command line. Returns samples of its memory and its exit status."""
     code = "from physim_drake.cli import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *arguments], stdout=subprocess.DEVNULL
@@ -219,7 +220,7 @@ def _descendants(pid: int) -> list[int]:
 
 
 def _proportional_mb(pid: int) -> float:
-    """Memory of a process, pages that others share divided among them; 0 if gone."""
+    """Memory of a process, shared pages divided among their users. 0 if it is gone."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except OSError:
@@ -231,13 +232,13 @@ def summarise(samples: list[Sample], images: int) -> dict[str, Any]:
     """Peaks, and growth from the 20th image to the last quarter of them.
 
     Args:
-        samples: in the order of time.
-        images: how many there are in all.
+        samples: samples in the order of time.
+        images: number of images in all.
 
     Returns:
         figures. ``early_`` are medians from the 20th image to a quarter of them,
-        ``late_`` in the last quarter; ``growth`` compares the two for all processes
-        together. What there are too few images to tell, ``flat`` for one, is None.
+        ``late_`` in the last quarter. ``growth`` compares the two for all processes
+        together. Figures that need more images, such as ``flat``, are None.
     """
     late_from = max(WARM_IMAGES, images * 3 // 4)
     early_to = max(WARM_IMAGES + 1, images // 4)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Programs of this package in sessions of their own, which can be looked at and ended.
+"""Runs programs of this package in their own sessions, to inspect and to end them.
 
-What a session holds is read from ``/proc``, so that this works on Linux only.
+The processes of a session are read from ``/proc``, so this works on Linux only.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PROGRAM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     "from physim_drake.cli import main; main()",
 )
-"""Begins each command line; Ctrl-C works even where a shell would have it ignored."""
+"""Begins each command line. Ctrl-C works even if a shell would have it ignored."""
 _ORPHAN = 1.0  # s
 _SHARED = Path("/dev/shm")
 _SEGMENTS = ("psm_*", "sem.mp-*", "torch_*")  # as Python and torch name theirs
@@ -33,14 +33,14 @@ _SEGMENTS = ("psm_*", "sem.mp-*", "torch_*")  # as Python and torch name theirs
 def started(
     command: Sequence[str], scratch: Path
 ) -> Iterator[tuple[subprocess.Popen[bytes], IO[str]]]:
-    """Starts a program in a session of its own; kills it where the block is broken off.
+    """Starts a program in its own session, and kills it if the block is broken off.
 
-    What it prints goes to a file: a pipe would stay open as long as anything that it
-    left behind runs, and whoever reads it to the end would never see what was left.
+    What it prints goes to a file. A pipe would stay open as long as anything that it
+    left behind runs, so that reading it to the end would wait for that.
 
     Args:
-        command: the program and its arguments.
-        scratch: folder for its temporary files; is made.
+        command: program and its arguments.
+        scratch: folder for its temporary files. It is made.
 
     Yields:
         the program, and what it has printed.
@@ -68,7 +68,7 @@ def run(command: Sequence[str], folder: Path) -> None:
     """Runs a program to its end.
 
     Raises:
-        RuntimeError: where it fails.
+        RuntimeError: if the program fails.
     """
     with started(command, folder / "tmp") as (process, output):
         if process.wait() != 0:
@@ -77,7 +77,7 @@ def run(command: Sequence[str], folder: Path) -> None:
 
 
 def printed(output: IO[str]) -> str:
-    """All that a program has printed that has ended."""
+    """The output of a program that has ended."""
     output.seek(0)
     return output.read()
 
@@ -104,7 +104,7 @@ def session(pid: int) -> list[int]:
 
 
 def command(pid: int) -> str:
-    """The command line of a process, empty where it has ended."""
+    """The command line of a process, empty if it has ended."""
     try:
         return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
     except OSError:
@@ -112,7 +112,7 @@ def command(pid: int) -> str:
 
 
 def segments() -> set[Path]:
-    """What shared memory there is that Python or torch made, whoever uses it."""
+    """The shared memory that Python or torch made, whoever uses it."""
     return {path for name in _SEGMENTS for path in _SHARED.glob(name)}
 
 

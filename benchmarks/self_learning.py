@@ -2,12 +2,12 @@
 """What self-learning gains: python benchmarks/self_learning.py OUT [--weights FILE].
 
 Under lights that the first training never saw, the robot looks at scenes and labels
-what its detector missed; the detector trains on from its weights with these images and
-as many of the old kind. It is judged before and after, on other scenes under the new
+what its detector missed. The detector trains on from its weights with these images and
+as many of the old kind. It is evaluated before and after, on other scenes under the new
 lights, whose labels are true, and on generated images of the old kind, to see what it
 forgot. With --control it is also trained as long with old images alone.
 
-Writes OUT/self_learning.json; a run that was cut off goes on where it was.
+Writes OUT/self_learning.json. A run that was cut off goes on where it was.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.detection.accuracy import judge_detector
+from physim_drake.detection.accuracy import evaluate_detector
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks.devices import (
     DeviceName,
@@ -111,7 +111,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("out", type=Path, help="folder of all that is made")
     parser.add_argument("--weights", type=Path, default=DETECTOR)
     parser.add_argument("--conditions", type=Path, default=DIM)
-    parser.add_argument("--data", type=Path, help="old images; made where not given")
+    parser.add_argument("--data", type=Path, help="old images, made if not given")
     parser.add_argument("--old-scenes", type=int, default=40, help="of 8 images each")
     parser.add_argument("--old-test-images", type=int, default=40)
     parser.add_argument("--test-scenes", type=int, default=15)
@@ -178,7 +178,7 @@ def _explore(args: argparse.Namespace, folder: Path) -> None:
 def _train(
     args: argparse.Namespace, name: str, data: tuple[Path, ...], test_images: int
 ) -> Path:
-    """Trains on from the weights; returns the new ones."""
+    """Trains on from the weights and returns the new ones."""
     device, out = choose_device(DeviceName.AUTO), args.out / name
     config = TrainDetectorConfig(
         SceneSetConfig(test_images=test_images, seed=args.seed),
@@ -208,7 +208,7 @@ def _report(stage: str, done: int, total: int, text: str) -> None:
 
 def _judge(weights: Path, root: Path) -> dict[str, Any]:
     data = BopDataset(root)
-    result, _ = judge_detector(NetworkDetector.load(weights), data, data.images())
+    result, _ = evaluate_detector(NetworkDetector.load(weights), data, data.images())
     return {"images": len(data.images()), **result.as_dict()}
 
 

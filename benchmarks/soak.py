@@ -4,12 +4,12 @@
     python -m benchmarks.soak [--kills 50] [--fuzz-minutes 10] [--images 1000]
         [--only kills,fuzz,load] [--out FILE.md] [--resume]
 
-Runs are killed (kills.py), readers are fed spoilt files (fuzz.py; inputs that go wrong
-are kept in out/fuzz), and one estimate does many images while its memory is watched
+Runs are killed (kills.py), readers are fed spoilt files (fuzz.py, which keeps inputs
+that fail in out/fuzz), and one estimate does many images while its memory is watched
 (load.py). The table goes to the console and to the file of --out. Beside that stand,
 under the same name, the figures in JSON, written whenever a part is done, and the plot
 of memory. With --resume, a part that was done with the same settings is not run again,
-whether it passed or failed; one that broke down is. The exit status is 1 where anything
+whether it passed or failed, unless it broke down. The exit status is 1 if anything
 failed.
 """
 
@@ -44,12 +44,12 @@ _ERR = Console(stderr=True)
 
 @dataclass(frozen=True)
 class Job:
-    """A part that is to run.
+    """A part to run.
 
     Attributes:
-        part: its name.
-        settings: what would make it another run; JSON.
-        run: runs it and returns figures for `soak_table.rows`; JSON.
+        part: name of the part.
+        settings: settings that tell its runs apart, as JSON.
+        run: function that runs it and returns figures for `soak_table.rows`, as JSON.
     """
 
     part: str
@@ -66,7 +66,7 @@ def main(
     seed: int = 0,
     resume: bool = False,
 ) -> None:
-    """Kills runs, fuzzes readers, estimates many images; prints and writes a table."""
+    """Kills runs, fuzzes readers, estimates many images, prints and writes a table."""
     parts = only.split(",")
     if not set(parts) <= set(PARTS):
         raise typer.BadParameter(f"--only: choose from {', '.join(PARTS)}")
@@ -136,12 +136,12 @@ def load_job(images: int, plot: Path) -> Job:
 
 
 def soak(jobs: Sequence[Job], state: Path, resume: bool) -> list[Outcome]:
-    """Runs parts one after the other; what one came to is kept in a file at once.
+    """Runs parts one after the other, and keeps each result in a file at once.
 
     Args:
-        jobs: what runs.
-        state: the file, JSON.
-        resume: whether parts count that the file has with the same settings.
+        jobs: parts to run.
+        state: JSON file of the results.
+        resume: whether to take parts from the file if their settings are the same.
 
     Returns:
         the outcomes, in order of `jobs`.
@@ -168,8 +168,8 @@ def _run(job: Job) -> Outcome:
     try:
         figures = dict(job.run())
     except Exception as exception:
-        # Whatever breaks a part down after hours: the others are worth their run, and
-        # the table says of this one that it failed, and why.
+        # Whatever breaks a part down, the others are still worth their hours, and the
+        # table says why this one failed.
         traceback.print_exc()
         error = f"{type(exception).__name__}: {exception}"
     return Outcome(
@@ -199,7 +199,7 @@ def _write(state: Path, known: Mapping[str, Outcome]) -> None:
 
 
 def _commit() -> str:
-    """The commit of the code, marked where files differ from it."""
+    """The commit of the code, marked if files differ from it."""
     command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
     try:
         done = subprocess.run(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the parts of a soak came to, row by row."""
+"""The table of a soak test's results."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Row:
     """A row of the table.
 
     Attributes:
-        what: was run.
-        good: whether it went well.
-        figures: that came of it, in words.
+        what: name of what was run.
+        good: whether it passed.
+        figures: results in words.
     """
 
     what: str
@@ -31,16 +31,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one part came to.
+    """The result of one part.
 
     Attributes:
         part: "kills", "fuzz" or "load".
-        settings: what it was told to do; with others it would be another run.
-        figures: what it counted; nothing where it broke down.
-        seconds: how long it took.
-        date: on which it ended, as in 2026-01-31.
-        commit: of the code.
-        error: what broke it down, or "".
+        settings: settings that tell its runs apart.
+        figures: counts and measurements, empty if it broke down.
+        seconds: time that it took.
+        date: day on which it ended, as in 2026-01-31.
+        commit: commit of the code.
+        error: cause of a breakdown, or "".
     """
 
     part: str
@@ -58,14 +58,14 @@ class Outcome:
 
 
 def rows(outcome: Outcome) -> list[Row]:
-    """The rows of a part; one that says why, where it broke down."""
+    """The rows of a part, or one row that says why it broke down."""
     if outcome.error:
         return [Row(outcome.part, False, f"broke down: {outcome.error}")]
     return _ROWS[outcome.part](outcome.settings, outcome.figures)
 
 
 def wrong(outcome: Outcome) -> list[str]:
-    """What else is to be said of what went wrong, in a line each."""
+    """The other faults of a part, one a line."""
     if outcome.part == "kills":
         tallies = outcome.figures.values()
         return [shorten(text, 300) for tally in tallies for text in tally["wrong"]]
@@ -79,9 +79,9 @@ def markdown(outcomes: Sequence[Outcome], command: str, machine: str) -> str:
     """The page: the table, when and with what each part ran, and what went wrong.
 
     Args:
-        outcomes: of the parts that ran.
-        command: that ran them.
-        machine: what it ran on, in words.
+        outcomes: results of the parts that ran.
+        command: command line that ran them.
+        machine: machine in words.
     """
     failed = [outcome.part for outcome in outcomes if not outcome.good]
     verdict = f"failed: {', '.join(failed)}" if failed else "all parts passed"

@@ -45,7 +45,7 @@ class Film:
     The last look stands in the corner, with the estimated models drawn over it.
 
     Args:
-        library: the objects.
+        library: models of the objects.
         X_WV: pose of the film camera, (4, 4), z forward.
         every: steps of 0.1 s.
     """

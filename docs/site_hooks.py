@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """What MkDocs does not do by itself for the documentation site.
 
-The README is the front page and CHANGELOG.md is a page, so that both exist once; files
-of the repository that a page links to become pages; formulas become MathML, which
+The README is the front page and CHANGELOG.md is a page, so that both exist once. Files
+of the repository that a page links to become pages. Formulas become MathML, which
 browsers draw without scripts.
 """
 
@@ -108,7 +108,7 @@ def _docs_text(file: File) -> str:
 
 
 def _origin(uri: str) -> str:
-    """Where in the repository a page comes from."""
+    """The path in the repository that a page comes from."""
     names = {page: name for name, page in _PAGES.items()}
     return names.get(uri, f"docs/{uri}")
 
@@ -118,7 +118,7 @@ def _path(origin: str, link: str) -> str:
 
 
 def _outside(origin: str, link: str) -> str | None:
-    """The linked file's path in the repository, if it is none of docs/."""
+    """The linked file's path in the repository, if it is outside of docs/."""
     path = _path(origin, link)
     return path if not path.startswith("docs/") and (ROOT / path).is_file() else None
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""physim-drake beside what else could be used, on the same clouds and images.
+"""Compares physim-drake with other packages on the same clouds and images.
 
 make peers
 build/peers/bin/python -m benchmarks.peers [--dataset DIR] [--json FILE]
 
-The other packages live in an environment of their own, `build/peers`, which sees that
-of the project but changes nothing in it. One that is missing is named and left out.
+The other packages live in their own environment, `build/peers`, which sees that of the
+project but does not change it. A missing package is named and left out.
 """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Segments drawn after the description of a comparison with Super4PCS in C++.
 
-Six objects in twelve random poses each; the model and another object beside it are
-seen from one side by a camera whose range errs by 1.5 mm, and a fifth of the segment's
+Six objects in twelve random poses each. A camera whose range errs by 1.5 mm sees the
+model and another object beside it from one side, and a fifth of the segment's
 1,500 points are the other object's. Success there is 10 degrees and 1.5 cm.
 """
 
@@ -40,7 +40,7 @@ _X_CS = make_pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 3.0])  # far below all
 
 
 def drawn_cases(library: ObjectLibrary, limit: int, seed: int) -> list[Case]:
-    """The cases, at most `limit` of them where it is not 0."""
+    """The cases, at most `limit` of them unless it is 0."""
     generator = np.random.default_rng(seed)
     ids = (*library.ids[1::2], library.ids[-1])[:OBJECTS]  # the near-cube among them
     rasterizer = DepthRasterizer(library, _CAMERA)

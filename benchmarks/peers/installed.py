@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which of the other packages are there."""
+"""Which of the other packages are installed."""
 
 from __future__ import annotations
 
@@ -26,5 +26,5 @@ def installed(package: str) -> bool:
 
 
 def missing() -> list[str]:
-    """The names of those that cannot."""
+    """The names of the packages that cannot be used."""
     return [name for package, name in PACKAGES.items() if not installed(package)]

@@ -2,8 +2,8 @@
 """Ways to refine a pose that is nearly right.
 
 All align the points of the segment to the model, each point to what is nearest of the
-model within 2 cm (ours within 7.5 mm). What is made of the model, once, is not in the
-time; what is made of the segment is.
+model within 2 cm (ours within 7.5 mm). The time does not include what is
+made of the model, but it includes what is made of the segment.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True)
 class Refiner:
-    """One way.
+    """A method of refinement.
 
     Attributes:
-        name: of it.
-        prepare: what it wants to know of a model.
-        refine: from that, a case and X_SO (4, 4) to a better X_SO.
+        name: name of the method.
+        prepare: function that makes what it needs of a model.
+        refine: function from that, a case and X_SO (4, 4) to a better X_SO.
     """
 
     name: str
@@ -79,7 +79,7 @@ def _small_gicp(kind: str) -> Refiner:
         return _prepared(model.surface_sample(MODEL_POINTS)[0])
 
     def _prepared(points: Array) -> Any:
-        # Points closer than this are joined; the segments are 3 mm apart already.
+        # Points closer than this are joined. Those of segments are already 3 mm apart.
         return small_gicp.preprocess_points(
             points, downsampling_resolution=0.002, num_neighbors=20, num_threads=1
         )

@@ -2,7 +2,7 @@
 """Ways to find an object's pose from its segment alone.
 
 Each is given the same points with normals, and 2,000 points of the model with normals
-or, where it wants a surface, its mesh. What can be made of a model once and for all is
+or, if it needs a surface, its mesh. What can be made of a model once and for all is
 made before the clock starts, for all alike.
 """
 
@@ -22,16 +22,16 @@ from physim_drake.poses import Array, inverse
 from physim_drake.registration.registration_model import registration_model
 
 MODEL_POINTS = 2000
-_VOXEL = 0.005  # m; the other sizes of Open3D's tutorial are multiples of it
+_VOXEL = 0.005  # m, and the other sizes of Open3D's tutorial are multiples of it
 
 
 class Registration(Protocol):
-    """One way.
+    """A method of registration.
 
     Attributes:
-        name: of it.
-        refiner: what its pose is refined with.
-        candidates: those of its poses that a search would choose from.
+        name: name of the method.
+        refiner: method that refines its pose.
+        candidates: slice of its poses that a search would choose from.
     """
 
     name: str
@@ -39,14 +39,14 @@ class Registration(Protocol):
     candidates: slice
 
     def prepare(self, model: ObjectModel) -> Any:
-        """What it wants to know of a model."""
+        """Makes what it needs of a model."""
 
     def propose(self, prepared: Any, case: Case, seed: int) -> Array:
-        """Poses X_SO (N, 4, 4), the one it believes in first."""
+        """Poses X_SO (N, 4, 4), the best first."""
 
 
 def registrations() -> list[Registration]:
-    """Those that can be used; ours first."""
+    """The methods that can be used, ours first."""
     found: list[Registration] = [Ours()]
     refiner = best_peer()
     if refiner is None:
@@ -68,7 +68,7 @@ class Ours:
         self.refiner: Refiner = ours()
 
     def prepare(self, model: ObjectModel) -> Any:
-        """Its distance field and pairs; they are kept with the model."""
+        """Its distance field and pairs, which are kept with the model."""
         return registration_model(model), pair_index(model)
 
     def propose(self, prepared: Any, case: Case, seed: int) -> Array:
@@ -156,11 +156,11 @@ class Open3dFgr(Open3dRansac):
 
 
 class OpencvPpf:
-    """Point pair features of Drost et al. 2010; its poses by their votes."""
+    """Point pair features of Drost et al. 2010, its poses by their votes."""
 
     name = "OpenCV PPF"
     candidates = slice(None)
-    _SAMPLING = 0.08  # of the diameter; at the default, 0.05, it takes seconds
+    _SAMPLING = 0.08  # of the diameter, since the default of 0.05 takes seconds
 
     def __init__(self, refiner: Refiner) -> None:
         self.refiner = refiner
@@ -174,7 +174,7 @@ class OpencvPpf:
         return detector
 
     def propose(self, prepared: Any, case: Case, seed: int) -> Array:
-        """Up to 25 poses; it makes no random choice."""
+        """Up to 25 poses, without a random choice."""
         cloud = self._cloud(case.segment.points, case.segment.normals)
         found = prepared.match(cloud, 1 / 5, self._SAMPLING)
         poses = np.array([pose.pose for pose in found[:25]]).reshape(-1, 4, 4)

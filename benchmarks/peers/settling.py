@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Ways to let one object come to rest among others that stay where they are.
 
-Each engine gets the same convex pieces, masses and starts. Building a scene for it is
-not in the time: an engine keeps it for all poses that are tried.
+Each engine gets the same convex pieces, masses and starts. The time does not include
+building a scene, which an engine keeps for all poses that are tried.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ Others = Sequence[tuple[ObjectModel, Array]]
 
 
 class Engine(Protocol):
-    """One way.
+    """A method of settling.
 
     Attributes:
-        name: of it.
+        name: name of the method.
     """
 
     name: str
@@ -40,11 +40,11 @@ class Engine(Protocol):
         """Makes a scene with the case's object free."""
 
     def settle(self, scene: Any, X_SO: Array) -> Array:
-        """Lets the object go at X_SO (4, 4); where it came to rest."""
+        """Lets the object go at X_SO (4, 4) and returns its pose at rest."""
 
 
 def engines() -> list[Engine]:
-    """Those that can be used; ours first."""
+    """The engines that can be used, ours first."""
     found: list[Engine] = [Ours(), OursFreed()]
     if installed("mujoco"):
         found.append(MujocoEngine())
@@ -157,7 +157,7 @@ class PybulletEngine:
         self._folder = tempfile.TemporaryDirectory()
 
     def build(self, case: Case, others: Others) -> Any:
-        """A world; the other bodies have no mass."""
+        """A world whose other bodies have no mass."""
         import pybullet as bullet
         from pybullet_utils.bullet_client import BulletClient
 
@@ -229,7 +229,7 @@ def _wxyz(X: Array) -> Array:
 
 
 def _obj(model: ObjectModel) -> str:
-    """The pieces as one OBJ; of each of its objects Bullet takes the convex hull."""
+    """The pieces as objects of one OBJ, of each of which Bullet takes the hull."""
     lines, offset = [], 1
     for n, piece in enumerate(model.collision_pieces):
         lines.append(f"o piece_{n}")

@@ -30,11 +30,11 @@ def register(
     """Finds every case's pose with every method, `repeats` times.
 
     Args:
-        methods: the ways to do it.
-        cases: what is to be found.
-        limits: errors that count as success, degrees and cm.
-        repeats: with other random choices each.
-        progress: is told which method is at work.
+        methods: methods to compare.
+        cases: objects to find.
+        limits: largest errors that count as success, degrees and cm.
+        repeats: number of repeats, each with other random choices.
+        progress: callback for the method at work.
     """
     records = []
     for method in methods:
@@ -95,7 +95,7 @@ def _registered(
 
 
 def registration_rows(records: Sequence[Record]) -> list[Row]:
-    """One row a method, ours first; ratios are to ours."""
+    """A row per method, ours first. Ratios are to ours."""
     rows: list[Row] = []
     for name, own in _by(records, "method").items():
         seconds = float(np.median([r["seconds"] for r in own]))

@@ -14,7 +14,7 @@ Row = dict[str, Any]
 
 
 def show(console: Console, title: str, rows: Sequence[Row], note: str = "") -> None:
-    """Prints rows of the same keys; a key's units are part of it."""
+    """Prints rows of the same keys, which name their units."""
     table = Table(
         box=box.SIMPLE_HEAD, title=title, title_justify="left", padding=(0, 1)
     )
@@ -34,5 +34,5 @@ def _text(value: Any) -> str:
 
 
 def ratio(value: float | None, reference: float | None) -> float | None:
-    """`value` as a multiple of `reference`; None where that says nothing."""
+    """`value` as a multiple of `reference`; None if that says nothing."""
     return value / reference if value is not None and reference else None

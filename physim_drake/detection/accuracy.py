@@ -11,21 +11,21 @@ from physim_drake.detection.average_precision import AveragePrecision, average_p
 from physim_drake.detection.detector import NetworkDetector
 
 
-def judge_detector(
+def evaluate_detector(
     detector: NetworkDetector, dataset: BopDataset, images: Sequence[ImageId]
 ) -> tuple[AveragePrecision, float]:
-    """Compares detections with the visible masks of images.
+    """Compares a network's detections with the visible masks of images.
 
     Args:
-        detector: to judge.
-        dataset: the images are in.
-        images: which ones.
+        detector: network to evaluate.
+        dataset: dataset that holds the images.
+        images: scene and image ids.
 
     Returns:
-        the judgement, and the seconds an image took in the mean.
+        the average precision, and the mean seconds per image.
 
     Raises:
-        InputError: where files cannot be used, or an image has no colour.
+        InputError: if files cannot be used, or an image has no colour.
     """
     found, truth, seconds = [], [], 0.0
     for image in images:

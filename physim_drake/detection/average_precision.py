@@ -20,13 +20,13 @@ from physim_drake.observation.observation import Detection
 
 @dataclass(frozen=True)
 class AveragePrecision:
-    """How well objects are found; means over the classes, 0..1.
+    """How well objects are found, as means over the classes, 0..1.
 
     Attributes:
-        box_50: of boxes that overlap the true ones by half.
-        box: mean over overlaps from 0.5 to 0.95.
-        mask_50: of masks that overlap the true ones by half.
-        mask: mean over overlaps from 0.5 to 0.95.
+        box_50: precision of boxes that overlap the true ones by half.
+        box: mean precision of boxes over overlaps from 0.5 to 0.95.
+        mask_50: precision of masks that overlap the true ones by half.
+        mask: mean precision of masks over overlaps from 0.5 to 0.95.
         box_50_by_object: `box_50` of each object, by its id.
         recall_50: share of the true objects that a box of any score overlaps by half.
     """
@@ -45,7 +45,7 @@ class AveragePrecision:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, as JSON takes them."""
+        """Plain values for JSON."""
         by_object = {str(k): v for k, v in self.box_50_by_object.items()}
         return {**vars(self), "box_50_by_object": by_object}
 
@@ -56,8 +56,8 @@ def average_precision(
     """Judges the detections of images.
 
     Args:
-        found: of each image, with masks.
-        truth: the true objects of each image, with masks.
+        found: detections of each image, with masks.
+        truth: true objects of each image, with masks.
     """
     reference = _reference(truth)
     results = [
@@ -75,6 +75,7 @@ def average_precision(
     if not results or not ids:
         return AveragePrecision(0.0, 0.0, 0.0, 0.0, dict.fromkeys(ids, 0.0), 0.0)
     with redirect_stdout(io.StringIO()):
+        # The stubs of pycocotools know file names only, and no plain dictionaries.
         given = reference.loadRes(results)  # pyright: ignore[reportArgumentType]
     boxes, box_recall = _evaluate(reference, given, "bbox")
     masks, _ = _evaluate(reference, given, "segm")
@@ -92,7 +93,7 @@ def average_precision(
 def _evaluate(
     reference: COCO, given: COCO, kind: Literal["bbox", "segm"]
 ) -> tuple[NDArray[np.float64], float]:
-    """Precision (overlaps, recalls, classes), -1 where undefined, and recall at 0.5."""
+    """Precision (overlaps, recalls, classes), -1 if undefined, and recall at 0.5."""
     with redirect_stdout(io.StringIO()):
         judge = COCOeval(reference, given, kind)
         judge.evaluate()
@@ -138,7 +139,7 @@ def _reference(truth: Sequence[Sequence[Detection]]) -> COCO:
 
 
 def _image(number: int, objects: Sequence[Detection]) -> dict[str, int]:
-    # The size is asked for wherever there is a mask.
+    # pycocotools needs the size of every image that has a mask.
     shape = objects[0].mask.shape if objects and objects[0].mask is not None else (1, 1)
     return {"id": number, "height": shape[0], "width": shape[1]}
 

@@ -28,8 +28,8 @@ class DetectedImage:
     Attributes:
         image: scene id and image id.
         observation: the image.
-        detections: best first.
-        seconds: that the network took.
+        detections: detections with masks, best first.
+        seconds: time that the network took.
     """
 
     image: ImageId
@@ -51,13 +51,13 @@ def detect_images(
     """Detects the objects in one image after the other.
 
     Args:
-        detector: does it.
-        dataset: where the images are.
-        images: which ones.
-        least_score: detections of less are dropped.
+        detector: network that finds the objects.
+        dataset: dataset that holds the images.
+        images: scene and image ids.
+        least_score: score below which detections are dropped.
 
     Raises:
-        InputError: where an image cannot be used or has no colour.
+        InputError: if an image cannot be used or has no colour.
     """
     for image in images:
         observation = dataset.observation(*image)
@@ -71,7 +71,7 @@ def write_detections(path: Path, entries: Sequence[dict[str, Any]]) -> None:
     """Writes detections as a list in BOP's JSON format, one a line.
 
     Raises:
-        InputError: where the file cannot be written.
+        InputError: if the file cannot be written.
     """
     with write_atomically(path) as file:
         lines = ",\n".join(json.dumps(e, allow_nan=False) for e in entries)
@@ -79,7 +79,7 @@ def write_detections(path: Path, entries: Sequence[dict[str, Any]]) -> None:
 
 
 def known_targets(dataset: BopDataset) -> Sequence[Target]:
-    """What a dataset's images are said to show; nothing where it does not say so."""
+    """What a dataset's images are said to show. Empty if it does not say."""
     try:
         return dataset.targets()
     except InputError:
@@ -91,12 +91,13 @@ def target_names(
 ) -> dict[int, str]:
     """Names of the objects that a dataset's images are said to show, by id.
 
-    A name is empty where the dataset does not give one; there is nothing where it
-    does not say what its images show.
+    A name is empty if the dataset does not give one. The mapping is empty if the
+    dataset does not say what its images show.
 
     Args:
-        dataset: the images and the models.
-        targets: what they are said to show; the dataset's own where it is None.
+        dataset: images and models.
+        targets: objects that the images are said to show. None takes the dataset's
+            own.
     """
     wanted = known_targets(dataset) if targets is None else targets
     ids = sorted({target.object_id for target in wanted})

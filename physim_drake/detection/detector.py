@@ -25,11 +25,11 @@ class NetworkDetector:
 
     Args:
         network: `FasterRcnn`, or one that is called like it.
-        classes: label k is the k-th of them, from 1.
-        channels: of the images it takes, 3, or 4 with depth.
-        threads: CPU threads it may use; torch's own number where it is None.
-        device: where it runs.
-        source: what messages call it, for instance its file.
+        classes: classes that it tells apart. Label k is the k-th, from 1.
+        channels: channels of its images, 3, or 4 with depth.
+        threads: CPU threads that it may use. None leaves the number to torch.
+        device: device that it runs on.
+        source: name in messages, for instance its file.
 
     Attributes:
         classes: as given.
@@ -63,15 +63,15 @@ class NetworkDetector:
         """Reads weights that `physim-drake train` wrote.
 
         Args:
-            path: the file.
+            path: file of the weights.
             threads: see `NetworkDetector`.
             device: see `NetworkDetector`.
-            pixels: use only what tells the class of every pixel, which is a fully
-                convolutional network: each object at most once, with no regard to
-                boxes.
+            pixels: use only the part that classifies every pixel, a fully
+                convolutional network. It finds each object at most once and does not
+                use boxes.
 
         Raises:
-            InputError: where they cannot be used.
+            InputError: if the weights cannot be used.
         """
         weights = load_weights(path)
         network = segmenter(weights.network) if pixels else weights.network
@@ -79,14 +79,14 @@ class NetworkDetector:
         return cls(network, weights.classes, channels, threads, device, path)
 
     def check_objects(self, names: Mapping[int, str], asker: Path | str) -> None:
-        """Sees whether the network knows certain objects.
+        """Requires that the network knows certain objects.
 
         Args:
-            names: of the objects by id, empty where an object's is not known.
-            asker: what to call where they come from.
+            names: names of the objects by id, empty if not known.
+            asker: name in messages of where the objects come from.
 
         Raises:
-            InputError: where it does not know one, or knows it by another name.
+            InputError: if it does not know an object, or knows it by another name.
         """
         known = {c.object_id: c.name for c in self.classes}
         for object_id, name in names.items():
@@ -116,15 +116,15 @@ class NetworkDetector:
 
         Args:
             color: (height, width, 3) RGB.
-            depth: (height, width), m, 0 where it was not measured; needed by networks
-                of four channels only.
-            least_score: detections of less are dropped.
+            depth: (height, width), m, 0 if not measured. Only networks with four
+                channels need it.
+            least_score: score below which detections are dropped.
 
         Returns:
             detections with masks, best first.
 
         Raises:
-            InputError: where the network takes depth and there is none.
+            InputError: if the network takes depth and the image has none.
         """
         image = self._tensor(color, depth)
         before = torch.get_num_threads()

@@ -26,8 +26,8 @@ def draw_detections(
 
     Args:
         color: (height, width, 3) RGB.
-        detections: best first.
-        names: of the objects, by id.
+        detections: detections to draw, best first.
+        names: names of the objects, by id.
 
     Returns:
         (height, width, 3) RGB.

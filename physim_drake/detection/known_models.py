@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Whether objects without names are those that a network knows: by their sizes.
+"""Tells by their sizes whether unnamed objects are those that a network knows.
 
-Models in BOP's layout have numbers only, and the same number may be any object.
+Models in BOP's layout have only numbers, and a number may stand for any object.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from physim_drake.objects.library_files import ObjectEntry, find_objects
 from physim_drake.objects.meshes import read_raw_mesh
 from physim_drake.poses import Array
 
-_TOLERANCE = 0.005  # m; less than what tells different objects apart
+_TOLERANCE = 0.005  # m, less than the difference between any two objects
 
 
-def check_sizes(
+def require_same_sizes(
     object_ids: Collection[int], models: Path, like: Path, source: str
 ) -> None:
-    """Sees whether objects are as large as those of the same ids elsewhere.
+    """Requires that objects are as large as those that a network was trained with.
 
     Args:
-        object_ids: which objects.
+        object_ids: ids of the objects, the same in both folders.
         models: folder of their models.
-        like: folder of the models that a network was trained with.
-        source: what to call the network.
+        like: folder of the models that the network was trained with.
+        source: name of the network in messages.
 
     Raises:
-        InputError: where one is not, or has no model.
+        InputError: if an object differs in size, or has no model.
     """
     if not object_ids:
         return

@@ -9,7 +9,7 @@ from pathlib import Path
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.detection.detect_images import known_targets, target_names
 from physim_drake.detection.detector import NetworkDetector
-from physim_drake.detection.known_models import check_sizes
+from physim_drake.detection.known_models import require_same_sizes
 from physim_drake.observation.detection_selection import assign_detections
 from physim_drake.observation.observation import Detection
 
@@ -24,25 +24,26 @@ def network_lookup(
 ) -> tuple[Callable[[ImageId], list[Detection]], str]:
     """Detections that a network makes when they are looked up.
 
-    Where the targets say what an image shows, each of them gets the detection that is
+    If the targets say what an image shows, each of them gets the detection that is
     most likely its own; see `assign_detections`. After those comes, for each object
     that no target names, `Detection.unseen`.
 
     Args:
-        dataset: the images.
-        weights: of the network.
-        targets: what to look for; the dataset's own where it is None.
-        like: the models that the network was trained with: objects of the dataset
-            that have no name must be as large. Otherwise their ids are believed.
-        pixels: use only what tells the class of every pixel; see
+        dataset: dataset that holds the images.
+        weights: file of the network's weights.
+        targets: objects to look for. None takes the dataset's own.
+        like: folder of the models that the network was trained with. Objects of the
+            dataset without a name must be as large as these. With None, their ids
+            are trusted.
+        pixels: use only the part that classifies every pixel. See
             `NetworkDetector.load`.
 
     Returns:
-        the look-up, and what to call its source.
+        the look-up, and the name of its source.
 
     Raises:
-        InputError: where the weights cannot be used, or are for other objects than
-            the targets; with a look-up, where an image has no colour.
+        InputError: if the weights cannot be used, or are for other objects than
+            the targets. The look-up raises it if an image has no colour.
     """
     shown = known_targets(dataset) if targets is None else targets
     names = target_names(dataset, shown)
@@ -50,12 +51,12 @@ def network_lookup(
     detector.check_objects(names, dataset.root)
     if like is not None:
         nameless = [object_id for object_id, name in names.items() if not name]
-        check_sizes(nameless, dataset.models, like, detector.source)
+        require_same_sizes(nameless, dataset.models, like, detector.source)
     # A dataset that does not say what it shows may show all that the network knows.
     wanted = names or {c.object_id: c.name for c in detector.classes}
 
     def look_up(image: ImageId) -> list[Detection]:
-        """The detections in an image, boxes in pixels; the network runs each time."""
+        """The detections in an image, boxes in pixels. The network runs each time."""
         observation = dataset.observation(*image)
         found = detector.detect(observation.need_color(), observation.depth)
         height, width = observation.depth.shape

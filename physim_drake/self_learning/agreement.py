@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""What several views of one scene agree on: objects that are surely where they seem.
+"""Objects whose poses several views of one scene agree on.
 
-A pose that a single view gives may be wrong however sure it looks: from one side a
-wrong object or a turned one can fit the depth as well. That two views err alike is
-rare, and what is not there is seen through by some view.
+A pose from a single view may be wrong however sure it looks, since from one side a
+wrong or a turned object can fit the depth as well. Two views rarely err alike, and
+some view sees through an object that is not there.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class EstimatedView:
     """One view of a scene and what was made of it alone.
 
     Attributes:
-        observation: the image; X_WC is known.
-        detections: what the detector found in it.
-        estimates: poses in the world, of some of the detections.
+        observation: image with a known X_WC.
+        detections: detections in the image.
+        estimates: poses in the world of some of the detections.
     """
 
     observation: RgbdObservation
@@ -39,13 +39,14 @@ class EstimatedView:
 
 @dataclass(frozen=True)
 class AgreementConfig:
-    """When views agree.
+    """Limits within which views agree.
 
     Attributes:
-        min_confidence: estimates of less do not count.
-        max_rotation: between two estimates of one object, symmetries considered, rad.
-        max_distance: between them, m.
-        min_views: so many views must agree.
+        min_confidence: confidence below which estimates do not count.
+        max_rotation: angle between two estimates of one object, symmetries considered,
+            rad.
+        max_distance: distance between them, m.
+        min_views: number of views that must agree.
     """
 
     min_confidence: float = 0.7
@@ -59,10 +60,10 @@ class AgreedObject:
     """An object that several views put in the same place.
 
     Attributes:
-        object_id: which object.
-        X_WO: the surest view's estimate of its pose, (4, 4), m.
-        confidence: of that estimate, 0..1.
-        views: the numbers of the views that agree.
+        object_id: id of the object.
+        X_WO: pose that the most confident view estimates, (4, 4), m.
+        confidence: confidence of that estimate, 0..1.
+        views: numbers of the views that agree.
     """
 
     object_id: int
@@ -78,13 +79,13 @@ def agreed_objects(
 ) -> tuple[AgreedObject, ...]:
     """Finds the objects on which views agree.
 
-    Of objects that cannot be at the same time, since one would be inside the other, the
-    one is taken that more views agree on, then the surer one.
+    If one object would be inside another, the one that more views agree on is taken,
+    then the more confident one.
 
     Args:
-        views: of one scene that nothing touched between them.
-        library: the objects.
-        config: when views agree.
+        views: views of one scene, which did not change between them.
+        library: models of the objects.
+        config: limits of agreement.
 
     Returns:
         the objects, those of most views first.

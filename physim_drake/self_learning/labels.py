@@ -2,8 +2,8 @@
 """Labels for what a detector missed, from what it saw from elsewhere.
 
 A robot looks at a scene from several places. In some views the detector finds an object
-well enough for its pose to be estimated; views that agree on a pose make it certain;
-drawn into all views, the certain poses say what the detector should have found there
+well enough for its pose to be estimated. Views that agree on a pose make it certain.
+Drawn into all views, the certain poses say what the detector should have found there
 (Mitash et al., "A Self-supervised Learning System for Object Detection using Physics
 Simulation and Multi-view Pose Estimation", IROS 2017).
 """
@@ -46,11 +46,10 @@ class SelfLearningConfig:
     """What is taken for certain.
 
     Attributes:
-        agreement: when views agree.
-        margin: depths that differ by less agree, m.
-        max_refuted: an object is dropped where the views see through more than this
-            share of it.
-        min_pixels: an object of which less shows in an image gets no label there.
+        agreement: limits within which views agree.
+        margin: difference up to which depths agree, m.
+        max_refuted: share of an object that views may see through before it is dropped.
+        min_pixels: visible pixels below which an object gets no label in an image.
     """
 
     agreement: AgreementConfig = field(default_factory=AgreementConfig)
@@ -61,13 +60,13 @@ class SelfLearningConfig:
 
 @dataclass(frozen=True)
 class LabelledScene:
-    """What was learnt of a scene.
+    """What was learnt from a scene.
 
     Attributes:
-        objects: those that are certain.
-        images: the views that show any of them, labelled.
-        labels: of all images together.
-        missed: those of them that the detector had not found.
+        objects: objects whose poses are certain.
+        images: labelled views that show any of them.
+        labels: number of labels in all images.
+        missed: number of labels that the detector had not found.
     """
 
     objects: tuple[AgreedObject, ...]
@@ -80,10 +79,10 @@ class SceneLearner:
     """Makes labels from views of scenes.
 
     Args:
-        library: the objects.
-        estimator: of poses.
-        area: where the objects stand; its surface is what they stand on.
-        config: what is taken for certain.
+        library: models of the objects.
+        estimator: estimator of their poses.
+        area: part of the support surface that the objects stand on.
+        config: limits of what is taken for certain.
     """
 
     def __init__(
@@ -102,17 +101,17 @@ class SceneLearner:
         """Estimates poses in one view from what the detector found there.
 
         Args:
-            observation: the image.
-            detections: those to believe, one a place.
+            observation: image with colour and a camera pose.
+            detections: detections to trust, one per place.
 
         Raises:
-            InputError: where the camera's pose or the colour is unknown.
+            InputError: if the camera's pose or the colour is missing.
         """
         if observation.X_WC is None or observation.color is None:
             raise InputError(
                 observation.name,
                 "has no camera pose or no colour",
-                "give both, to learn from it",
+                "give both to learn from the image",
             )
         if not detections:
             return EstimatedView(observation, (), ())
@@ -172,7 +171,7 @@ def write_labelled_scene(
     """Writes the images of a scene below `split` in BOP layout, whole or not at all.
 
     Raises:
-        InputError: where that cannot be done.
+        InputError: if they cannot be written.
     """
     names = {object_id: library[object_id].name for object_id in library}
     with fill_folder(split / f"{scene_id:06d}") as scratch:

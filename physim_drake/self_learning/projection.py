@@ -2,7 +2,7 @@
 """Labels for images from known poses: what of each object an image must show.
 
 Objects are drawn with their occlusion of each other, and compared with the measured
-depth: what is measured before a model hides it, what is measured behind it refutes it,
+depth. What is measured before a model hides it, what is measured behind it refutes it,
 and what rises from the surface without a model is unknown.
 """
 
@@ -23,10 +23,10 @@ from physim_drake.poses import Array, inverse, transform_points
 from physim_drake.rendering.raster import DepthRasterizer
 from physim_drake.self_learning.agreement import AgreedObject
 
-_EDGE = 2  # px; what is measured that near an outline may belong to either side
+_EDGE = 2  # px beside an outline, within which a pixel may belong to either side
 _FRAYED = 5  # px, by which a measured object is larger than its model
-_SPECK = 5  # px; less that rises is noise
-_REACH = 12  # px; what was not measured so near to the unknown belongs to it
+_SPECK = 5  # px, up to which what rises is noise
+_REACH = 12  # px beside the unknown, within which what was not measured belongs to it
 _HIDDEN = 7  # px, by which what is unknown is hidden more widely than it is measured
 
 
@@ -35,9 +35,9 @@ class ObjectArea:
     """The part of the surface on which all objects stand.
 
     Attributes:
-        X_WA: its pose, z up, (4, 4).
-        half_extents: along its x and y, (2,), m.
-        height: what rises higher is no object, m.
+        X_WA: pose of the area, z up, (4, 4).
+        half_extents: half its size along x and y, (2,), m.
+        height: height above which nothing belongs to an object, m.
     """
 
     X_WA: Array
@@ -62,13 +62,13 @@ class ProjectedObjects:
     """What an image must show of objects.
 
     Attributes:
-        depth: of the models, (height, width), m, 0 where none is.
-        silhouettes: pixels each object would cover alone, (N, height, width).
-        visible: pixels where it must be seen, (N, height, width).
+        depth: depth of the models, (height, width), m, 0 beside them.
+        silhouettes: pixels that each object would cover alone, (N, height, width).
+        visible: pixels in which each object must be seen, (N, height, width).
         hidden: pixels before which something else was measured, (height, width).
-        refuted: of each object, the share of its measured pixels behind which
-            something was measured, (N,); 0 where none was measured.
-        measured: of each object, its measured pixels off its outline, (N,).
+        refuted: share of each object's measured pixels behind which something was
+            measured, (N,). It is 0 if no pixel was measured.
+        measured: number of each object's measured pixels off its outline, (N,).
     """
 
     depth: NDArray[np.float32]
@@ -88,10 +88,10 @@ def project_objects(
     """Draws objects into an image.
 
     Args:
-        objects: with their poses.
-        models: by id.
-        observation: the image; X_WC is known.
-        margin: depths that differ by less agree, m.
+        objects: objects with their poses.
+        models: models by id.
+        observation: image with a known X_WC.
+        margin: difference up to which depths agree, m.
     """
     assert observation.X_WC is not None, "views are taken from known places"
     rasterizer = DepthRasterizer(models, observation.intrinsics)
@@ -126,10 +126,10 @@ def unknown_pixels(
     detections: Sequence[Detection],
     area: ObjectArea,
 ) -> Mask:
-    """Where an image may show an object that has no label, (height, width).
+    """The pixels (height, width) that may show an object without a label.
 
-    That is where something rises from the area that is none of the models, and where
-    the detector sees something whose depth was not measured.
+    In these, something rises from the area that does not belong to any model, or the
+    detector sees something whose depth was not measured.
     """
     labelled = projected.visible.any(axis=0)
     modelled = _dilated(projected.depth > 0, _FRAYED)
@@ -153,15 +153,15 @@ def labelled_image(
 ) -> BopImage:
     """The image with labels, and with what is unknown painted over.
 
-    A network that learns from it must not take objects without a label for background;
-    it sees a patch of the image's median colour there, and no depth.
+    A network that learns from it must not take objects without a label for background.
+    It sees a patch of the image's median colour instead, and no depth.
 
     Args:
-        objects: as they were projected.
-        projected: into this image.
-        observation: the image, with colour.
-        unknown: see `unknown_pixels`.
-        min_pixels: objects of which less shows get no label.
+        objects: objects that were projected.
+        projected: projection into this image.
+        observation: image with colour.
+        unknown: pixels that `unknown_pixels` gives.
+        min_pixels: visible pixels below which an object gets no label.
     """
     assert observation.X_WC is not None, "views are taken from known places"
     assert observation.color is not None, "detectors look at colour"

@@ -16,11 +16,11 @@ class ColorNoise:
 
     Attributes:
         exposure: range of mean brightness that its automatic exposure reaches, 0..255.
-        max_gain: it brightens, or darkens, an image at most this much.
+        max_gain: factor by which it brightens or darkens an image at most.
         white_balance: error of the red and the blue gain, root mean square.
         shot_noise: variance per level of brightness.
-        read_noise: root mean square, levels.
-        blur: of the lens, px.
+        read_noise: root mean square error, levels.
+        blur: blur of the lens, px.
     """
 
     exposure: tuple[float, float] = (85.0, 135.0)

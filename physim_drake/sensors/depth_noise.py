@@ -23,7 +23,7 @@ from physim_drake.poses import Array, make_pose
 
 _BLUR = 1.5  # px, of what holes on a surface look like
 _JITTER_WIDTH = 1.5  # px, along which an edge is moved alike
-_FAR = 1e6  # m, where nothing is
+_FAR = 1e6  # m, for pixels in which nothing is seen
 
 
 @dataclass(frozen=True)
@@ -31,26 +31,28 @@ class DepthNoise:
     """The errors of a depth camera.
 
     Attributes:
-        focal_length: of the depth sensor, px; with the baseline it sets disparities.
-        baseline: between its two viewpoints, m.
-        disparity_error: root mean square, px.
-        correlation: errors of pixels this far apart are alike, px.
+        focal_length: focal length of the depth sensor, px. With the baseline it sets
+            disparities.
+        baseline: distance between its two viewpoints, m.
+        disparity_error: root mean square error of the disparity, px.
+        correlation: distance over which errors are alike, px.
         disparity_step: quantum of the disparity, px.
         depth_unit: quantum of the depth image, m.
-        min_range: nothing nearer is measured, m.
-        max_range: nothing farther is measured, m.
-        edge_step: neighbours whose depths differ by this share of z are an edge.
+        min_range: least depth that is measured, m.
+        max_range: largest depth that is measured, m.
+        edge_step: difference of neighbouring depths, as a share of z, that makes an
+            edge.
         edge_jitter: how far edges are moved, root mean square, px.
         edge_loss: share of the pixels at an edge that are lost.
-        grazing_cosine: surfaces whose normal makes a smaller cosine with the ray are
-            lost; up to twice that, in part.
+        grazing_cosine: cosine between normal and ray below which a surface is lost.
+            Up to twice that it is lost in part.
         dark_loss: share of pixels lost on surfaces darker than `dark_level`.
         dark_level: brightness by a lamp at the camera, 0..255.
-        shiny_loss: share of pixels lost where brightness exceeds `shiny_level`.
+        shiny_loss: share of pixels lost if brightness exceeds `shiny_level`.
         shiny_level: brightness that blinds the sensor, 0..255.
-        shadow_side: what the second viewpoint cannot see is lost: 1 for one on the
-            right, whose shadows lie left of near objects; -1 for one on the left; 0
-            for no shadow.
+        shadow_side: side of the second viewpoint. What it cannot see is lost. 1 is the
+            right, whose shadows lie left of near objects, -1 the left, and 0 means no
+            shadow.
         extrinsic_angle: error of the depth sensor's orientation to colour, rad, root
             mean square about each axis.
         extrinsic_shift: error of its position, m, along each axis.
@@ -113,7 +115,7 @@ class DepthNoise:
         )
 
     def draw_extrinsic_error(self, rng: np.random.Generator) -> Array:
-        """X_CD (4, 4): where the depth sensor D really is; C is where it should be."""
+        """X_CD (4, 4), the true pose of the depth sensor D, which should be at C."""
         R = Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * self.extrinsic_angle)
         return make_pose(R.as_matrix(), rng.normal(0.0, 1.0, 3) * self.extrinsic_shift)
 
@@ -128,16 +130,16 @@ def measure_depth(
     """What a camera makes of true depth.
 
     Args:
-        depth: true z, (height, width), m, 0 where nothing is.
-        intrinsics: of the image.
-        noise: the camera's errors; its extrinsic error is not applied here, it moves
-            the viewpoint that `depth` is rendered from.
+        depth: true z, (height, width), m, 0 if nothing is seen.
+        intrinsics: intrinsics of the image.
+        noise: errors of the camera. The extrinsic error is not applied here, since it
+            moves the viewpoint that `depth` is rendered from.
         rng: source of the errors.
-        echo: (height, width, 3) RGB by a lamp at the camera, by which dark and shiny
-            surfaces are told; without it there are none.
+        echo: (height, width, 3) RGB by a lamp at the camera, which shows dark and
+            shiny surfaces. Without it these lose nothing.
 
     Returns:
-        (height, width) float32, m, 0 where nothing was measured.
+        (height, width) float32, m, 0 if nothing was measured.
     """
     z = np.where(depth > 0, depth, _FAR).astype(float)
     edge = _edges(z, noise)
@@ -205,7 +207,7 @@ def _grazing(
     normal = np.sqrt(n_x**2 + n_y**2 + n_z**2)
     cosine = w / (normal * np.sqrt(x**2 + y**2 + 1.0))
     limit = noise.grazing_cosine * (1.0 + patches)
-    # The gradient across an edge is no surface; edges have their own loss.
+    # The gradient across an edge is not a surface's, and edges have their own loss.
     return np.asarray((cosine < limit) & ~edge & (z < _FAR / 2))
 
 
@@ -230,7 +232,7 @@ def _edges(z: Array, noise: DepthNoise) -> Mask:
     image = z.astype(np.float32)
     kernel = np.ones((3, 3), np.uint8)
     step = cv2.dilate(image, kernel) - cv2.erode(image, kernel)
-    # A plane seen flat also changes within three pixels; it changes on both sides.
+    # A plane seen flat also changes within three pixels, but on both sides.
     bend = np.abs(cv2.Laplacian(image, cv2.CV_32F, ksize=1))
     limit = noise.edge_step * image
     return np.asarray((step > limit) & (bend > 0.25 * limit))
@@ -243,7 +245,7 @@ def _jitter_edges(
     shift = [_smooth_noise(z.shape, _JITTER_WIDTH, rng) for _ in range(2)]
     if noise.edge_jitter == 0:
         return z
-    # Elsewhere this would only add noise, and that has its own law.
+    # Beside edges this would only add noise, which has its own law.
     near_edge = cv2.dilate(edge.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     here = np.nonzero(near_edge)
     there = [

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """RealSense-like cameras: intrinsics and the noise that goes with them.
 
-Depth is registered to colour at 640 x 480, as drivers deliver it; the disparities that
+Depth is registered to colour at 640 x 480, as drivers deliver it. The disparities that
 carry the noise are those of the depth sensor itself. Sources: realsense-ros
 (`realsense2_description`: baselines), librealsense issues 2367 (nearest range f B /
 126), 3904 (sub-pixel error 0.08 px), 2788 and 10838 (intrinsics), and Intel's "Best
@@ -30,8 +30,8 @@ class CameraPreset:
     """A camera.
 
     Attributes:
-        intrinsics: of depth and colour.
-        noise: of its depth.
+        intrinsics: intrinsics of depth and colour.
+        noise: errors of its depth.
     """
 
     intrinsics: CameraIntrinsics
@@ -50,7 +50,7 @@ PRESETS = {
         DepthNoise(focal_length=427.0, baseline=0.050, min_range=0.17, max_range=10.0),
     ),
     # Coded light has no disparity steps. Its error of 1.25e-3 z^2 (m) and the lateral
-    # distance of its projector are assumptions; the z^2 law is that of triangulation.
+    # distance of its projector are assumptions. The z^2 law is that of triangulation.
     CameraName.SR300: CameraPreset(
         CameraIntrinsics(640, 480, 614.0, 614.0, 322.45, 239.68),
         DepthNoise(

@@ -112,7 +112,7 @@ def test_weights_for_objects_of_another_name(
 def test_truncated_weights(dataset: Path, weights: Path, tmp_path: Path):
     weights.write_bytes(weights.read_bytes()[:-7])
     result = run(dataset, "--out", tmp_path / "d.json", "--weights", weights)
-    check_refused(result, "is damaged or no safetensors file")
+    check_refused(result, "is damaged or not a safetensors file")
 
 
 def test_a_pickle(dataset: Path, tmp_path: Path):
@@ -120,7 +120,7 @@ def test_a_pickle(dataset: Path, tmp_path: Path):
     result = run(
         dataset, "--out", tmp_path / "d.json", "--weights", tmp_path / "weights.pt"
     )
-    check_refused(result, "is a pickle, not safetensors; pickles are never loaded")
+    check_refused(result, "is a pickle, and pickles are never loaded")
 
 
 def test_images_without_colour(dataset: Path, weights: Path, tmp_path: Path):

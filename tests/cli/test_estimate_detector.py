@@ -146,7 +146,7 @@ def damaged_weights(weights: Path, defect: str) -> Path:
 BAD_WEIGHTS = {
     "of other objects": "are weights for other objects",
     "a pickle": "pickles are never loaded",
-    "cut short": "is damaged or no safetensors file",
+    "cut short": "is damaged or not a safetensors file",
     "missing": "cannot be read: No such file",
 }
 

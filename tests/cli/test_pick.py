@@ -120,9 +120,9 @@ def not_there(path: Path) -> None:
 
 
 BAD_WEIGHTS: dict[Callable[[Path], None], str] = {
-    pickled: "is a pickle, not safetensors; pickles are never loaded",
+    pickled: "is a pickle, and pickles are never loaded",
     of_another: "object 9 of the library is dove_beauty_bar, here it is teapot",
-    cut_short: "is damaged or no safetensors file",
+    cut_short: "is damaged or not a safetensors file",
     not_there: "cannot be read: No such file or directory",
 }
 

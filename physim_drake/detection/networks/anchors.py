@@ -14,7 +14,7 @@ from torch import Tensor
 from physim_drake.detection.networks.boxes import pairwise_iou
 
 BACKGROUND, IGNORED = -1, -2
-"""Instead of the index of a true box: there is none, or not clearly one."""
+"""Instead of the index of a true box, if there is no true box or no clear one."""
 
 
 def level_anchors(
@@ -28,15 +28,15 @@ def level_anchors(
     """Anchors of one feature map.
 
     Args:
-        height: of the map, cells.
-        width: of the map, cells.
-        stride: pixels a cell.
+        height: height of the map, cells.
+        width: width of the map, cells.
+        stride: pixels per cell.
         sizes: square roots of the anchors' areas, px.
-        ratios: height by width.
-        device: where to make them.
+        ratios: heights of the anchors by their widths.
+        device: device to make them on.
 
     Returns:
-        (height * width * A, 4), row by row; the A = len(sizes) * len(ratios) anchors
+        (height * width * A, 4), row by row. The A = len(sizes) * len(ratios) anchors
         of a cell follow each other and are centred on the cell.
     """
     size = torch.tensor(list(sizes), dtype=torch.float32, device=device)[:, None]
@@ -61,9 +61,9 @@ def match(
     Args:
         reference: anchors or proposals, (N, 4).
         truth: true boxes, (M, 4).
-        foreground: from this overlap on a reference box stands for the true box that
+        foreground: overlap from which on a reference box stands for the true box that
             it overlaps most.
-        background: below this overlap it stands for none.
+        background: overlap below which it does not stand for any true box.
         keep_best: the reference boxes that overlap a true box most stand for it,
             however little that is.
 
@@ -87,12 +87,12 @@ def sample(matched: Tensor, count: int, positive_share: float) -> tuple[Tensor, 
     """Chooses what to learn from, by torch's random numbers.
 
     Args:
-        matched: from `match`, (N,).
-        count: at most this many.
-        positive_share: at most this share of them stands for true boxes.
+        matched: result of `match`, (N,).
+        count: number to choose at most.
+        positive_share: largest share of them that stands for true boxes.
 
     Returns:
-        indices of those that stand for true boxes, and of those that stand for none.
+        indices of those that stand for true boxes, and of those that do not.
     """
     positive = torch.nonzero(matched >= 0).flatten()
     negative = torch.nonzero(matched == BACKGROUND).flatten()

@@ -4,7 +4,7 @@
 Two backbones: a small residual network (He et al., CVPR 2016) and VGG16 (Simonyan and
 Zisserman, ICLR 2015), which the paper used. Both normalise by groups of channels (Wu
 and He, ECCV 2018), not over the batch, so that they train from scratch in small
-batches; the feature pyramid is that of Lin et al., CVPR 2017.
+batches. The feature pyramid is that of Lin et al., CVPR 2017.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class FeaturePyramid(nn.Module):
     """A backbone, and on it maps of equal depth at strides 4, 8, 16 and 32.
 
     Args:
-        config: of the network.
+        config: configuration of the network.
 
     Attributes:
-        channels: of each map.
+        channels: channels of each map.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -74,8 +74,8 @@ class ResidualBackbone(nn.Module):
     """A residual network of basic blocks.
 
     Args:
-        channels: of the images.
-        widths: channels of each stage; the first has stride 4.
+        channels: channels of the images.
+        widths: channels of each stage. The first has stride 4.
         depths: blocks of each stage.
     """
 
@@ -115,7 +115,7 @@ class VggBackbone(nn.Module):
     """The 13 convolutions of VGG16, with normalisation.
 
     Args:
-        channels: of the images.
+        channels: channels of the images.
     """
 
     widths = (256, 512, 512, 512)

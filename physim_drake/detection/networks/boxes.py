@@ -52,7 +52,7 @@ def encode_boxes(
 def decode_boxes(
     code: Tensor, reference: Tensor, scale: tuple[float, float] = (1.0, 1.0)
 ) -> Tensor:
-    """Boxes (N, 4) from what `encode_boxes` gives; growth is limited to 62 times."""
+    """Boxes (N, 4) from what `encode_boxes` gives. Growth is limited to 62 times."""
     center_r, size_r = _center_size(reference)
     center = center_r + code[:, :2] / scale[0] * size_r
     size = size_r * torch.exp((code[:, 2:] / scale[1]).clamp(max=_MAX_LOG_GROWTH))
@@ -72,16 +72,16 @@ def large_boxes(boxes: Tensor, least: float) -> Tensor:
 
 
 def suppress(boxes: Tensor, scores: Tensor, max_iou: float) -> Tensor:
-    """Non-maximum suppression: boxes that overlap none of a better score.
+    """Non-maximum suppression: drops boxes that overlap one of a better score.
 
-    Instead of one box after the other, all are judged at once by those kept so far;
-    the first k are right after k rounds, and what no longer changes is the greedy
-    answer. A few rounds do.
+    Instead of one box after the other, all are judged at once by those kept so far.
+    The first k are right after k rounds, and what no longer changes is the greedy
+    answer. A few rounds are enough.
 
     Args:
         boxes: (N, 4).
         scores: (N,).
-        max_iou: boxes that overlap more are suppressed.
+        max_iou: overlap above which a box is suppressed.
 
     Returns:
         indices of those kept, best first.

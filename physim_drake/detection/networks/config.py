@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What can be set about the networks; plain values only, to be kept beside weights."""
+"""The configuration of networks, as plain values that are kept beside the weights."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class NetworkConfig:
     """A network, its classes aside.
 
     Attributes:
-        kind: which network.
-        backbone: what features come from.
-        channels: of the images: 3, or 4 with depth.
-        image_size: images are scaled so that their longer side has this length, px.
+        kind: kind of network.
+        backbone: network that features come from.
+        channels: channels of the images, 3, or 4 with depth.
+        image_size: longer side, px, to which images are scaled.
         widths: channels of the stages of the residual backbone, at strides 4 to 32.
         depths: residual blocks in each of these stages.
-        pyramid_channels: of every level of the feature pyramid.
-        head_channels: of the fully connected layers of the box head.
+        pyramid_channels: channels of every level of the feature pyramid.
+        head_channels: channels of the fully connected layers of the box head.
         mask_layers: convolutions of the mask head before it doubles its resolution.
     """
 
@@ -49,7 +49,7 @@ class NetworkConfig:
     mask_layers: int = 2
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, as JSON takes them."""
+        """Plain values for JSON."""
         values = asdict(self)
         return values | {"widths": list(self.widths), "depths": list(self.depths)}
 
@@ -58,8 +58,8 @@ class NetworkConfig:
         """Reads what `as_dict` gives.
 
         Raises:
-            ValueError: where a value is missing, unknown, of a wrong type, or cannot
-                be.
+            ValueError: if a value is missing, unknown, of a wrong type or out of
+                range.
         """
         names = {f.name for f in fields(cls)}
         if set(values) != names:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Where networks run, and how precisely.
 
-On import order: torch, pydrake, Open3D and CoACD each bring runtimes of their own. Of
-their 24 orders those fail, and all of them, in which CoACD is the first: it then breaks
-pydrake's casts. `objects/convex_pieces.py` therefore imports it late, torch may
-come at any time. (torch 2.13, pydrake 1.51, Open3D 0.19, CoACD 1.0.14.)
+On import order: torch, pydrake, Open3D and CoACD each bring their own runtimes. Of
+their 24 orders, exactly those fail in which CoACD comes first, because it then breaks
+pydrake's casts. `objects/convex_pieces.py` therefore imports it late. torch may be
+imported at any time. (torch 2.13, pydrake 1.51, Open3D 0.19, CoACD 1.0.14.)
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def choose_device(name: DeviceName = DeviceName.AUTO) -> torch.device:
     """The device of this name, or the best there is.
 
     Raises:
-        InputError: where there is none of this kind.
+        InputError: if this machine does not have such a device.
     """
     there = {
         DeviceName.CUDA: torch.cuda.is_available(),
@@ -50,8 +50,8 @@ def choose_device(name: DeviceName = DeviceName.AUTO) -> torch.device:
 def has_fast_bfloat16(device: torch.device) -> bool:
     """Whether a device multiplies numbers of 16 bits faster than those of 32.
 
-    Of CPUs those with tile instructions (AMX) are six times as fast; elsewhere the
-    conversions cost what is gained.
+    CPUs with tile instructions (AMX) are six times as fast. On others the conversions
+    cost what is gained.
     """
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported())
@@ -63,5 +63,5 @@ def has_fast_bfloat16(device: torch.device) -> bool:
 def mixed_precision(
     device: torch.device, wanted: bool
 ) -> AbstractContextManager[object]:
-    """Within it, convolutions and products are done with 16 bits where wanted."""
+    """Within it, convolutions and products use 16 bits if wanted."""
     return torch.autocast(device.type, torch.bfloat16, enabled=wanted)

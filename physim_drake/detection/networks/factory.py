@@ -22,8 +22,8 @@ class ObjectClass:
     """A class that a network tells apart.
 
     Attributes:
-        object_id: of the object in its library.
-        name: of the object.
+        object_id: id of the object in its library.
+        name: name of the object.
     """
 
     object_id: int
@@ -31,7 +31,7 @@ class ObjectClass:
 
 
 def classes_of(library: Mapping[int, ObjectModel]) -> tuple[ObjectClass, ...]:
-    """The classes of a library; label k of a network is the k-th of them, from 1."""
+    """The classes of a library. Label k of a network is the k-th, from 1."""
     return tuple(ObjectClass(i, library[i].name) for i in sorted(library))
 
 
@@ -39,8 +39,8 @@ def make_network(config: NetworkConfig, classes: int) -> Network:
     """A network with random weights, by torch's random numbers.
 
     Args:
-        config: which one.
-        classes: how many, without background.
+        config: configuration of the network.
+        classes: number of classes, without background.
     """
     kinds: dict[NetworkKind, type[Network]] = {
         NetworkKind.FASTER_RCNN: FasterRcnn,

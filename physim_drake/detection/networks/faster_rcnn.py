@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Faster R-CNN with masks; images in, boxes, labels, scores and masks out.
+"""Faster R-CNN with masks: from images to boxes, labels, scores and masks.
 
 It is called as torchvision's detection models are, so that one can stand in for the
-other. Ren et al., "Faster R-CNN", NeurIPS 2015; He et al., "Mask R-CNN", ICCV 2017.
+other. Ren et al., "Faster R-CNN", NeurIPS 2015. He et al., "Mask R-CNN", ICCV 2017.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class FasterRcnn(nn.Module):
     """Finds objects and their masks.
 
     Args:
-        config: of the network.
-        classes: how many, without background.
-        least_score: less probable detections are not reported.
-        max_detections: of an image.
+        config: configuration of the network.
+        classes: number of classes, without background.
+        least_score: probability below which detections are not reported.
+        max_detections: largest number of detections in an image.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class FasterRcnn(nn.Module):
 
         Args:
             images: (C, height, width) each, colour in 0..1, depth in m.
-            targets: the truth about each; needed to train.
+            targets: true boxes, labels and masks of each, needed to train.
 
         Returns:
             losses by name, or for each image `boxes` (N, 4) px, `labels` (N,) from 1,
@@ -155,8 +155,8 @@ def paste_masks(masks: Tensor, boxes: Tensor, height: int, width: int) -> Tensor
     Args:
         masks: (N, S, S), 0..1, each stretched over its box.
         boxes: (N, 4), px.
-        height: of the image, px.
-        width: of the image, px.
+        height: height of the image, px.
+        width: width of the image, px.
 
     Returns:
         (N, 1, height, width), 0 outside the boxes.

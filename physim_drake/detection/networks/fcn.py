@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """A fully convolutional network: the class of every pixel.
 
-Long et al., "Fully Convolutional Networks for Semantic Segmentation", CVPR 2015; the
+Long et al., "Fully Convolutional Networks for Semantic Segmentation", CVPR 2015. The
 scores of coarse and fine features are joined in a feature pyramid. It is called as
 `FasterRcnn` is, and reports each class at most once.
 """
@@ -26,8 +26,8 @@ class FullyConvolutionalNetwork(nn.Module):
     """Segments an image into classes.
 
     Args:
-        config: of the network.
-        classes: how many, without background.
+        config: configuration of the network.
+        classes: number of classes, without background.
     """
 
     def __init__(self, config: NetworkConfig, classes: int) -> None:
@@ -39,7 +39,7 @@ class FullyConvolutionalNetwork(nn.Module):
     def forward(
         self, images: Sequence[Tensor], targets: Sequence[Target] | None = None
     ) -> dict[str, Tensor] | list[dict[str, Tensor]]:
-        """Losses when it trains, detections otherwise; see `FasterRcnn.forward`."""
+        """Losses when it trains, detections otherwise. See `FasterRcnn.forward`."""
         batch = make_batch(images, self.config.channels, self.config.image_size)
         scores = self.pixels(self.pyramid(batch.tensor)[0])
         if not self.training:
@@ -62,7 +62,7 @@ class FullyConvolutionalNetwork(nn.Module):
 
 
 def _class_segments(probability: Tensor) -> dict[str, Tensor]:
-    """Detections of the pixels where a class is the most probable one.
+    """Detections of the pixels in which a class is the most probable one.
 
     Args:
         probability: (classes + 1, height, width).

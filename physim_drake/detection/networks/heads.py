@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What looks at proposals: the box head says what and where, the mask head its pixels.
+"""The heads: the box head classifies and places proposals, the mask head masks them.
 
 Ren et al., "Faster R-CNN", NeurIPS 2015, and He et al., "Mask R-CNN", ICCV 2017.
 """
@@ -25,7 +25,7 @@ from physim_drake.detection.networks.roi_align import pyramid_levels, roi_align
 
 BOX_CELLS, MASK_CELLS = 7, 14
 
-_FINEST = 64.0  # px; boxes up to this size are read at stride 4
+_FINEST = 64.0  # px, the largest box that is read at stride 4
 _FOREGROUND = 0.5
 _SAMPLES, _POSITIVE_SHARE = 64, 0.35
 _BOX_SCALE = (10.0, 5.0)
@@ -38,10 +38,10 @@ class Samples:
     """Proposals to learn from, of all images of a batch.
 
     Attributes:
-        boxes: (N, 4), px; those that stand for a true box come first in each image.
+        boxes: (N, 4), px. Those that stand for a true box come first in each image.
         images: (N,).
         labels: (N,), 0 for background.
-        truth: the true boxes, (N, 4); of no meaning for background.
+        truth: true boxes, (N, 4), px. Meaningless for background.
         instances: index of the true box in its image, -1 for background, (N,).
     """
 
@@ -58,9 +58,9 @@ def choose_samples(
     """Chooses proposals to learn from, by torch's random numbers.
 
     Args:
-        proposals: of each image, (N, 4), px.
-        truth: true boxes of each image, (M, 4), px; are proposals as well.
-        labels: their classes, (M,), from 1.
+        proposals: proposals of each image, (N, 4), px.
+        truth: true boxes of each image, (M, 4), px. They count as proposals, too.
+        labels: classes of the true boxes, (M,), from 1.
     """
     parts: list[tuple[Tensor, ...]] = []
     for k, (proposed, boxes, label) in enumerate(
@@ -81,12 +81,12 @@ def choose_samples(
 
 
 class BoxHead(nn.Module):
-    """Two fully connected layers; scores of all classes, and one box.
+    """Two fully connected layers, then scores of all classes and one box.
 
     Args:
-        channels: of the pyramid.
+        channels: channels of the pyramid.
         hidden: width of the layers.
-        classes: without background.
+        classes: number of classes, without background.
     """
 
     def __init__(self, channels: int, hidden: int, classes: int) -> None:
@@ -113,9 +113,9 @@ class MaskHead(nn.Module):
     """Convolutions, twice the resolution, and a mask for each class.
 
     Args:
-        channels: of the pyramid.
+        channels: channels of the pyramid.
         layers: convolutions before the resolution doubles.
-        classes: without background.
+        classes: number of classes, without background.
     """
 
     def __init__(self, channels: int, layers: int, classes: int) -> None:
@@ -181,9 +181,9 @@ def mask_goals(masks: Sequence[Tensor], samples: Samples, cells: int) -> Tensor:
     """What masks (N, cells, cells) the samples should get, 0..1.
 
     Args:
-        masks: of each image, (M, height, width), in its scaled pixels.
-        samples: those that stand for a true box only.
-        cells: along each side.
+        masks: masks of each image, (M, height, width), in its scaled pixels.
+        samples: samples that stand for a true box.
+        cells: cells along each side.
     """
     counts = [len(m) for m in masks]
     stack = torch.cat([m[:, None].float() for m in masks])
@@ -205,13 +205,13 @@ def choose_detections(
     """The detections of one image.
 
     Args:
-        scores: of the box head, (N, classes + 1).
-        codes: of the box head, (N, 4).
+        scores: scores of the box head, (N, classes + 1).
+        codes: codes of the box head, (N, 4).
         proposals: (N, 4), px.
         size: height and width of the image, px.
-        least_score: less probable ones are dropped.
-        max_iou: two of one class overlap no more than this.
-        count: at most this many.
+        least_score: probability below which detections are dropped.
+        max_iou: largest overlap of two detections of one class.
+        count: largest number of detections.
 
     Returns:
         boxes (M, 4), labels (M,) and scores (M,), best first.

@@ -26,9 +26,9 @@ class ImageBatch:
     """Images side by side.
 
     Attributes:
-        tensor: (B, C, height, width), sides multiples of 32; 0 beyond an image.
+        tensor: (B, C, height, width), sides multiples of 32, 0 beyond an image.
         sizes: height and width of each scaled image, px.
-        original_sizes: and before scaling.
+        original_sizes: height and width of each image before scaling, px.
     """
 
     tensor: Tensor
@@ -53,13 +53,13 @@ def make_batch(images: Sequence[Tensor], channels: int, longer_side: int) -> Ima
     """Scales, normalises and stacks images.
 
     Args:
-        images: (C, height, width) each: red, green, blue in 0..1 and, where there is
-            a fourth channel, depth in m, 0 where it was not measured.
-        channels: C.
-        longer_side: of the scaled images, px.
+        images: (C, height, width) each: red, green, blue in 0..1 and, if there is a
+            fourth channel, depth in m, 0 if not measured.
+        channels: number of channels C.
+        longer_side: longer side of the scaled images, px.
 
     Raises:
-        InputError: where an image has another number of channels.
+        InputError: if an image has another number of channels.
     """
     scaled = []
     for image in images:

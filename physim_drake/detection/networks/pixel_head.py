@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""What tells the class of every pixel from a map of features.
+"""The head that classifies every pixel from a map of features.
 
-It is all of `FullyConvolutionalNetwork` beside its features. In `FasterRcnn` it is a
-help in training: every pixel has something to teach, where boxes are few (Chen et al.,
+It is all of `FullyConvolutionalNetwork` but its features. In `FasterRcnn` it helps in
+training, since every pixel has something to teach, while boxes are few (Chen et al.,
 "Hybrid Task Cascade", CVPR 2019, gain by the same).
 """
 
@@ -22,11 +22,11 @@ _NO_PIXEL = -1
 
 
 class PixelHead(nn.Module):
-    """Two convolutions; scores of all classes in every cell.
+    """Two convolutions, then scores of all classes in every cell.
 
     Args:
-        channels: of the map.
-        classes: how many, without background.
+        channels: channels of the map.
+        classes: number of classes, without background.
 
     Attributes:
         classes: as given.

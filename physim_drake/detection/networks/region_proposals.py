@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The region proposal network: where there may be an object, of whichever class.
+"""The region proposal network, which proposes boxes of objects of any class.
 
 Ren et al., "Faster R-CNN", NeurIPS 2015, section 3.1, on a feature pyramid.
 """
@@ -41,8 +41,8 @@ class Proposals:
     """Boxes that may hold an object.
 
     Attributes:
-        boxes: of each image, (N, 4), px, best first.
-        losses: by name; empty without targets.
+        boxes: boxes of each image, (N, 4), px, best first.
+        losses: losses by name, empty without targets.
     """
 
     boxes: list[Tensor]
@@ -53,9 +53,9 @@ class RegionProposalNetwork(nn.Module):
     """Scores anchors and moves them onto objects.
 
     Args:
-        channels: of the feature maps.
-        strides: pixels a cell of each map.
-        count: proposals of an image, at most.
+        channels: channels of the feature maps.
+        strides: pixels per cell of each map.
+        count: largest number of proposals for an image.
     """
 
     def __init__(self, channels: int, strides: Sequence[int], count: int = 120) -> None:
@@ -74,10 +74,10 @@ class RegionProposalNetwork(nn.Module):
         sizes: Sequence[tuple[int, int]],
         truth: Sequence[Tensor] | None = None,
     ) -> Proposals:
-        """Proposes boxes, and where true boxes are given says how wrong it was.
+        """Proposes boxes, and gives the losses if true boxes are known.
 
         Args:
-            maps: of the pyramid, (B, channels, height, width).
+            maps: maps of the pyramid, (B, channels, height, width).
             sizes: height and width of each image, px.
             truth: true boxes of each image, (N, 4), px.
         """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """RoIAlign over a feature pyramid: the features inside boxes, on a fixed grid.
 
-He et al., "Mask R-CNN", ICCV 2017, section 3; levels by the size of the box as in Lin
+He et al., "Mask R-CNN", ICCV 2017, section 3. Levels by the size of the box as in Lin
 et al., "Feature Pyramid Networks", CVPR 2017, equation 1.
 """
 
@@ -17,13 +17,13 @@ _SAMPLES = 2  # a side and cell
 
 
 def pyramid_levels(boxes: Tensor, count: int, finest: float) -> Tensor:
-    """Which level of a pyramid boxes (N, 4) are read from, (N,).
+    """The level (N,) of a pyramid that boxes (N, 4) are read from.
 
     Args:
-        boxes: px.
-        count: of levels; each halves the resolution.
-        finest: boxes up to this size (root of the area, px) belong to level 0, up to
-            twice of it to level 1, and so on.
+        boxes: boxes, px.
+        count: number of levels, each of half the resolution.
+        finest: size (root of the area, px) up to which boxes belong to level 0. Up to
+            twice the size they belong to level 1, and so on.
     """
     size = (boxes[:, 2:] - boxes[:, :2]).clamp(min=0).prod(dim=1).sqrt()
     # A box of exactly the limit stays below it whatever rounding does.
@@ -41,15 +41,15 @@ def roi_align(
 ) -> Tensor:
     """Reads features inside boxes, bilinearly, 2 x 2 samples a cell.
 
-    The value of a feature cell holds at its centre; beyond the outermost centres the
+    The value of a feature cell holds at its centre. Beyond the outermost centres the
     nearest one holds.
 
     Args:
         features: maps (B, C, height, width) of each level.
-        strides: pixels a cell of each level.
+        strides: pixels per cell of each level.
         boxes: (N, 4), px.
-        images: which of the B images each box belongs to, (N,).
-        levels: which level each box is read from, (N,).
+        images: index of the image that each box belongs to, (N,).
+        levels: level that each box is read from, (N,).
         size: cells along each side of the grid.
 
     Returns:
@@ -57,7 +57,7 @@ def roi_align(
     """
     channels = features[0].shape[1]
     # A sum of few rows of a large table with given weights is what embedding bags
-    # are; they are many times faster than indexing, above all backwards.
+    # are. They are many times faster than indexing, above all backwards.
     table = torch.cat([f.permute(0, 2, 3, 1).reshape(-1, channels) for f in features])
     rows = [f.shape[0] * f.shape[2] * f.shape[3] for f in features]
     device = boxes.device

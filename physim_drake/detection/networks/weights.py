@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Weights of networks as safetensors files, with what they are weights of.
+"""Weights of networks as safetensors files that describe their network.
 
-Nothing in such a file is ever executed; what cannot be used is an `InputError`.
+Nothing in such a file is ever executed. One that cannot be used is an `InputError`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ FORMAT, VERSION = "physim-drake network", "1"
 
 _MAX_CLASSES = 10_000
 _REMEDY = "give weights that physim-drake train wrote"
-_PICKLES = (b"PK\x03\x04", b"\x80", b"\x1f\x8b")  # torch.save's zip; bare; packed
+# Of torch.save's zip, of a bare pickle, and of a gzipped one.
+_PICKLES = (b"PK\x03\x04", b"\x80", b"\x1f\x8b")
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class Weights:
     """A trained network.
 
     Attributes:
-        network: with its weights, to be used, not to be trained on.
-        classes: label k is the k-th of them, from 1.
+        network: network with its weights, for use and not for training.
+        classes: classes that it tells apart. Label k is the k-th, from 1.
     """
 
     network: Network
@@ -52,13 +53,13 @@ def save_weights(
     """Writes weights in half precision.
 
     Args:
-        path: the file.
-        weights: as `state_dict` gives them.
-        config: of the network.
+        path: file to write.
+        weights: tensors by name, from `state_dict`.
+        config: configuration of the network.
         classes: `ObjectClass`, in the order of their labels.
 
     Raises:
-        InputError: where it cannot be written.
+        InputError: if the file cannot be written.
     """
     tensors = {
         name: value.detach().cpu().contiguous().to(torch.float16)
@@ -83,8 +84,8 @@ def load_weights(path: Path) -> Weights:
     """Reads what `save_weights` wrote.
 
     Raises:
-        InputError: where the file is missing, cut short, a pickle, of another
-            network, or in any other way not what is expected.
+        InputError: if the file is missing, cut short, a pickle, of another
+            network, or otherwise not as expected.
     """
     metadata, tensors = read_safetensors(path, _REMEDY)
     config, classes = read_description(path, metadata)
@@ -138,11 +139,11 @@ def start_from(network: Network, path: Path) -> None:
     another number of objects, those that tell classes apart.
 
     Args:
-        network: that is to learn.
-        path: a file that `save_weights` wrote.
+        network: network to train.
+        path: file that `save_weights` wrote.
 
     Raises:
-        InputError: where it cannot be read, or not even its features fit.
+        InputError: if the file cannot be read, or not even its features fit.
     """
     own, other = network.state_dict(), load_weights(path).network.state_dict()
     fitting = {k: v for k, v in other.items() if k in own and own[k].shape == v.shape}
@@ -164,9 +165,9 @@ def mix_weights(
     images unlike it (Wortsman et al., "Robust fine-tuning of zero-shot models", 2022).
 
     Args:
-        one: the weights by name.
-        other: the same of the same network.
-        share: of `other`, 0..1.
+        one: weights by name.
+        other: weights of the same network by name.
+        share: share of `other`, 0..1.
     """
     return {
         name: value.lerp(other[name].to(value), share)
@@ -180,7 +181,7 @@ def read_safetensors(path: Path, remedy: str) -> tuple[dict[str, str], dict[str,
     """Metadata and tensors of a safetensors file.
 
     Raises:
-        InputError: where it is not one.
+        InputError: if it is not a safetensors file.
     """
     head = b""
     try:
@@ -195,9 +196,9 @@ def read_safetensors(path: Path, remedy: str) -> tuple[dict[str, str], dict[str,
             path, f"cannot be read: {error.strerror or error}", "check the path"
         ) from None
     except (SafetensorError, RuntimeError, ValueError) as error:
-        problem = f"is damaged or no safetensors file ({error})"
+        problem = f"is damaged or not a safetensors file ({error})"
         if head.startswith(_PICKLES):
-            problem = "is a pickle, not safetensors; pickles are never loaded"
+            problem = "is a pickle, and pickles are never loaded"
         raise InputError(path, problem, remedy) from None
     return metadata, tensors
 
@@ -208,7 +209,7 @@ def read_description(
     """What `describe` says, checked.
 
     Raises:
-        InputError: where it says something else.
+        InputError: if the description is of something else.
     """
     if metadata.get("format") != FORMAT:
         raise InputError(path, "holds no network of physim-drake", _REMEDY, "format")
@@ -235,7 +236,7 @@ def _read_classes(entries: Any) -> tuple[ObjectClass, ...]:
         raise ValueError(f"{len(classes)} classes")
     for item in classes:
         if type(item.object_id) is not int or not isinstance(item.name, str):
-            raise ValueError(f"{item} is no class")
+            raise ValueError(f"{item} is not a class")
     if len({c.object_id for c in classes}) != len(classes):
         raise ValueError("an object has two classes")
     return classes

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Makes one training image into endlessly many.
+"""Turns one training image into endlessly many.
 
-What is drawn anew each time: which objects of another image are pasted in (Ghiasi et
-al., "Simple Copy-Paste", CVPR 2021), what replaces the background, zoom, shift and
-turn, and the errors of cameras (`photometry`). Images are never mirrored: a mirrored
+Each sample draws which objects of another image are pasted in (Ghiasi et al., "Simple
+Copy-Paste", CVPR 2021), what replaces the background, zoom, shift and turn, and the
+errors of cameras (`photometry`). Images are never mirrored: a mirrored
 print does not exist.
 """
 
@@ -36,13 +36,13 @@ class AugmentationConfig:
 
     Attributes:
         zoom: range of the scale factor.
-        max_shift: share of the image's size.
-        max_turn: rad.
-        background: how often it is replaced.
-        backgrounds: how many there are to choose from.
-        paste: how often objects of another image are pasted in.
-        max_pasted: at most this many.
-        occluder: how often something hides a part.
+        max_shift: largest shift, as a share of the image's size.
+        max_turn: largest turn, rad.
+        background: share of images whose background is replaced.
+        backgrounds: number of backgrounds to choose from.
+        paste: share of images that objects of another image are pasted into.
+        max_pasted: largest number of objects pasted in.
+        occluder: share of images of which something hides a part.
         photometry: errors of the camera.
     """
 
@@ -57,7 +57,7 @@ class AugmentationConfig:
     photometry: PhotometryConfig = field(default_factory=PhotometryConfig)
 
     def calmed(self) -> AugmentationConfig:
-        """The same with changes so much smaller that images look as they are made."""
+        """The same with smaller changes, so that images look much as they were made."""
         return replace(
             self,
             zoom=(self.zoom[0] ** 0.4, self.zoom[1] ** 0.4),
@@ -72,7 +72,7 @@ class AugmentationConfig:
 
 @dataclass(frozen=True)
 class Sample:
-    """An image to learn from, and the truth about it.
+    """An image to learn from, with its ground truth.
 
     Attributes:
         image: (C, height, width) float32, colour in 0..1, depth in m.
@@ -87,11 +87,11 @@ class Augmenter:
     """Draws samples.
 
     Args:
-        images: to draw from.
+        images: images to draw from.
         labels: label of each object id.
         size: height and width of the samples, px.
-        config: how much is changed.
-        seed: of the backgrounds.
+        config: amount of the changes.
+        seed: seed of the backgrounds.
     """
 
     def __init__(
@@ -108,11 +108,11 @@ class Augmenter:
         self._backgrounds = [draw_texture(rng) for _ in range(config.backgrounds)]
 
     def draw(self, rng: np.random.Generator, *, calm: bool = False) -> Sample:
-        """One sample; the same state of `rng` gives the same.
+        """One sample. The same state of `rng` gives the same sample.
 
         Args:
-            rng: gives the changes.
-            calm: whether they are small ones.
+            rng: source of the changes.
+            calm: whether to make small changes only.
         """
         config = self._calm if calm else self._config
         image = self._image(rng)
@@ -219,7 +219,7 @@ class Augmenter:
     def _occluded(
         self, image: LabelledImage, rng: np.random.Generator
     ) -> LabelledImage:
-        """With a shape of any looks before it."""
+        """The image with a shape of any look before its objects."""
         height, width = image.labels.shape
         mask = np.zeros((height, width), np.float32)
         center = rng.uniform(0, [width, height])
@@ -238,7 +238,7 @@ class Augmenter:
 def make_sample(
     color: NDArray[np.float32], image: LabelledImage, labels: dict[int, int]
 ) -> Sample:
-    """An image and its truth as tensors; objects of a few pixels are left out.
+    """An image and its ground truth as tensors. Objects of a few pixels are left out.
 
     Args:
         color: (height, width, 3), 0..255, in place of the image's.
@@ -282,7 +282,7 @@ def _paste_motion(
 
 
 def _soft(mask: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.float32]:
-    """A mask with an edge as a lens makes it."""
+    """A mask whose edge is soft, as through a lens."""
     blur = rng.uniform(0.3, 1.2)
     return np.asarray(
         cv2.GaussianBlur(mask.astype(np.float32), (0, 0), blur), np.float32

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The state of a training run, to go on from: tensors as safetensors, no pickle."""
+"""The state of a training run, to resume from: safetensors, never a pickle."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class AveragedWeights:
     """A moving average of a network's weights, which does better than the last ones.
 
     Args:
-        network: whose; the average begins there.
-        decay: share that is kept in a step, less in the first ones.
+        network: network whose weights are averaged, beginning now.
+        decay: share that a step keeps, less in the first steps.
     """
 
     def __init__(self, network: nn.Module, decay: float = 0.998) -> None:
@@ -52,9 +52,9 @@ class TrainingState:
     """What changes while a network learns.
 
     Attributes:
-        network: that learns.
-        average: of its weights.
-        optimizer: that makes it learn.
+        network: network in training.
+        average: average of its weights.
+        optimizer: optimizer of the network.
     """
 
     network: nn.Module
@@ -67,13 +67,13 @@ class TrainingState:
         """Writes the state after so many steps, whole or not at all.
 
         Args:
-            path: the file.
-            step: how many steps are done.
-            settings: what must be the same for the run to go on.
-            recent: losses that the log has not taken in yet.
+            path: file of the state.
+            step: number of steps done.
+            settings: settings that a run must share to resume.
+            recent: losses that are not in the log yet.
 
         Raises:
-            InputError: where it cannot be written.
+            InputError: if it cannot be written.
         """
         tensors = {f"network.{k}": v for k, v in self.network.state_dict().items()}
         tensors |= {f"average.{k}": v for k, v in self.average.values.items()}
@@ -92,10 +92,10 @@ class TrainingState:
     def load(
         self, path: Path, settings: dict[str, Any]
     ) -> tuple[int, list[dict[str, float]]]:
-        """Reads a state; returns how many steps were done, and the recent losses.
+        """Reads a state, and returns the number of steps done and the recent losses.
 
         Raises:
-            InputError: where it cannot be read, or belongs to a run with other
+            InputError: if it cannot be read, or belongs to a run with other
                 settings.
         """
         metadata, tensors = read_safetensors(path, _REMEDY)
@@ -104,7 +104,8 @@ class TrainingState:
             earlier = json.loads(metadata["settings"])
             recent = [dict(e) for e in json.loads(metadata.get("recent", "[]"))]
         except (KeyError, ValueError, TypeError, RecursionError):
-            raise InputError(path, "is no state of a training run", _REMEDY) from None
+            problem = "is not the state of a training run"
+            raise InputError(path, problem, _REMEDY) from None
         check_settings(path, earlier, settings)
         try:
             self._restore(tensors)

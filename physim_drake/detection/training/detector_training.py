@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from physim_drake.datasets.bop import BopDataset
-from physim_drake.detection.accuracy import judge_detector
+from physim_drake.detection.accuracy import evaluate_detector
 from physim_drake.detection.average_precision import AveragePrecision
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks.config import NetworkConfig
@@ -47,7 +47,8 @@ WEIGHTS_FILE, STATE_FILE, PACKED_FOLDER = (
     "packed",
 )
 
-_PACKED_SIDE = 8 / 7  # packed images by those of the network; zooming in needs more
+# Size of packed images by that of the network's, since zooming in needs more.
+_PACKED_SIDE = 8 / 7
 _QUICK_TEST = 50  # images of a test on the way
 
 Progress = Callable[[str, int, int, str], None]
@@ -59,15 +60,15 @@ class TrainDetectorConfig:
     """Everything that can be set about training a detector.
 
     Attributes:
-        scenes: what is generated.
-        network: what learns.
-        training: how.
-        augmentation: how images are changed.
-        data: datasets with visible masks to learn from, instead of generated scenes;
-            each counts the same, however large it is.
+        scenes: scenes to generate.
+        network: network to train.
+        training: course of the training.
+        augmentation: changes of the images.
+        data: datasets with visible masks to learn from, instead of generated scenes.
+            Each counts the same, however large it is.
         start: weights to start from, of any objects, instead of random ones.
-        start_share: of the weights it started from that the result keeps; see
-            `mix_weights`. They must be of the same objects.
+        start_share: share of the start's weights that the result keeps (see
+            `mix_weights`). They must be for the same objects.
     """
 
     scenes: SceneSetConfig = field(default_factory=SceneSetConfig)
@@ -99,14 +100,14 @@ class DetectorTraining:
     """A training run in a folder.
 
     Args:
-        out: the folder; is made, and must be empty without `resume`.
-        library: the objects to find.
-        config: of the run.
-        workers: processes that generate scenes.
-        device: where the network learns.
-        resume: go on with what an earlier run left.
-        progress: is told how it goes.
-        engine: where scenes are generated.
+        out: folder of the run. It is made, and must be empty unless `resume` is set.
+        library: objects to find.
+        config: configuration of the run.
+        workers: number of processes that generate scenes.
+        device: device to train on.
+        resume: whether to continue an earlier run.
+        progress: callback for the progress.
+        engine: engine that generates scenes.
     """
 
     def __init__(
@@ -133,11 +134,11 @@ class DetectorTraining:
             )
 
     def run(self) -> AveragePrecision:
-        """Makes what is missing, trains, and judges the result on the test images.
+        """Makes what is missing, trains, and evaluates the result on the test images.
 
         Raises:
-            InputError: where settings, files or data cannot be used.
-            PhysimError: where a scene cannot be made.
+            InputError: if settings, files or data cannot be used.
+            PhysimError: if a scene cannot be made.
         """
         log = TrainingLog(self._out, self._settings())
         network = self._network()
@@ -168,7 +169,7 @@ class DetectorTraining:
             lambda averaged, step: self._test(averaged, test, step, log),
             lambda step, losses: self._tell(step, losses, log),
         )
-        result, _ = judge_detector(
+        result, _ = evaluate_detector(
             NetworkDetector.load(self._out / WEIGHTS_FILE), test, test.images()
         )
         log.tests = [e for e in log.tests if e["step"] < trainer.step]
@@ -185,7 +186,7 @@ class DetectorTraining:
         return network
 
     def _first_weights(self, network: Network) -> dict[str, Tensor]:
-        """The weights that the result keeps a share of; empty where it keeps none."""
+        """The weights that the result keeps a share of, empty if it keeps none."""
         start = self._config.start
         if start is None or not self._config.start_share:
             return {}
@@ -244,7 +245,7 @@ class DetectorTraining:
         detector = NetworkDetector(
             network, self._classes, channels, device=self._device
         )
-        result, _ = judge_detector(detector, test, images)
+        result, _ = evaluate_detector(detector, test, images)
         log.add_test(step, result, len(images))
         self._progress("test", step, self._config.training.steps, str(result))
 

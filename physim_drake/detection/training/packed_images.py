@@ -39,9 +39,9 @@ class LabelledImage:
 
     Attributes:
         color: (height, width, 3) uint8 RGB.
-        labels: (height, width) uint8, k where the k-th object is seen, 0 elsewhere.
-        object_ids: of the objects.
-        depth: (height, width) float32, m, 0 where it was not measured; or None.
+        labels: (height, width) uint8, k if the k-th object is seen, else 0.
+        object_ids: ids of the objects.
+        depth: (height, width) float32, m, 0 if not measured, or None.
     """
 
     color: NDArray[np.uint8]
@@ -54,10 +54,10 @@ class TrainingImages:
     """The packed images of a dataset.
 
     Args:
-        folder: where `pack_images` put them.
+        folder: folder that `pack_images` wrote.
 
     Raises:
-        InputError: where a file is missing or damaged.
+        InputError: if a file is missing or damaged.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -103,11 +103,11 @@ class TrainingImages:
 class MixedImages:
     """Several sets of images as one, in which each counts the same.
 
-    A small set comes as often as a large one: image n is one of set n modulo their
-    number, and the images of a small set come several times.
+    Image n belongs to set n modulo the number of sets, so that the images of a small
+    set come several times.
 
     Args:
-        sets: one or more, none of them empty.
+        sets: one or more sets, each with images.
     """
 
     def __init__(self, sets: Sequence[TrainingImages]) -> None:
@@ -142,16 +142,16 @@ def pack_images(
     """Reduces the images of a dataset and writes them as arrays, unless they are there.
 
     Args:
-        dataset: with visible masks, all its images of one size.
-        folder: where the arrays go; those of other images are replaced.
-        longer_side: of the reduced images, px.
-        depth: whether depth is packed too.
-        progress: is told how many images are done.
-        known: the objects that it may show, if not any.
+        dataset: dataset with visible masks and images of one size.
+        folder: folder for the arrays. Arrays of other images are replaced.
+        longer_side: longer side of the reduced images, px.
+        depth: whether to pack depth, too.
+        progress: callback for the number of images done.
+        known: ids of the objects that may be seen. None allows any.
 
     Raises:
-        InputError: where the dataset has no image or shows no object or one that is not
-            known, files in it cannot be used, or the arrays cannot be written.
+        InputError: if the dataset has no image, or shows no object or an unknown one,
+            if its files cannot be used, or if the arrays cannot be written.
     """
     origin = {
         # Relative, so that a run in another folder writes the same.
@@ -180,7 +180,7 @@ def pack_images(
 
 
 def _origin(folder: Path) -> Any:
-    """What the arrays in a folder were made from; None where there are none."""
+    """What the arrays in a folder were made from. None if there are no arrays."""
     path = folder / _NOTES
     origin = read_json(path).get("origin") if path.exists() else None
     return None if origin is None else origin.value
@@ -194,7 +194,7 @@ def _check_objects(
     if known is not None and (strangers := sorted(shown.difference(known))):
         raise InputError(
             dataset.root,
-            f"shows object {strangers[0]}, of which there is no model",
+            f"shows object {strangers[0]}, which has no model",
             "give the models that belong to the data",
         )
 
@@ -206,7 +206,7 @@ def _write(
     depth: bool,
     progress: Progress,
 ) -> list[list[int]]:
-    """Writes the arrays; returns the objects in each image."""
+    """Writes the arrays and returns the objects in each image."""
     images = dataset.images()
     if not images:
         raise InputError(dataset.root, "holds no image", "generate some")
@@ -262,7 +262,7 @@ def _array_file(
 ) -> Iterator[IO[bytes]]:
     """A .npy file to write the values of an array to, one after the other.
 
-    Not a mapped array: where the disk is full, writing to that would kill the process.
+    Not a mapped array: if the disk is full, writing to one kills the process.
     """
     with path.open("wb") as file:
         header = {

@@ -24,7 +24,7 @@ class PhotometryConfig:
         saturation: range of the factor.
         hue: largest turn of the hues, degrees.
         blur: how often the image is out of focus or in motion.
-        max_blur: px.
+        max_blur: largest blur, px.
         sharpen: how often a camera's sharpening is overdone.
         noise: largest root mean square, levels.
         grain: how often noise is smooth, as after a camera's noise filter.
@@ -45,7 +45,7 @@ class PhotometryConfig:
     compress: float = 0.2
 
     def calmed(self) -> PhotometryConfig:
-        """The same with changes half as large."""
+        """The same with changes of half the size."""
         low, high = self.saturation
         return PhotometryConfig(
             gain=self.gain / 2,

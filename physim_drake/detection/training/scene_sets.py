@@ -30,11 +30,12 @@ class SceneSetConfig:
     """Generated images to train and to test with.
 
     Attributes:
-        scenes: to train with; 8 images of each cost about as much as the scene.
-        views: images of each of them.
-        test_images: to test with, from scenes of their own.
-        container: what the objects stand on or in.
-        seed: of all random choices.
+        scenes: number of scenes to train with. 8 images of a scene cost about as much
+            as the scene.
+        views: images of each scene.
+        test_images: number of images to test with, from scenes of their own.
+        container: container that the objects stand on or in.
+        seed: seed of all random choices.
     """
 
     scenes: int = 500
@@ -75,21 +76,21 @@ def generate_scene_set(
     """Generates one of the two sets, or what is missing of it.
 
     Args:
-        folder: that `data` or `test` stands in.
-        library: the objects to find.
-        config: how many scenes.
-        workers: processes.
-        progress: is told how many scenes are done.
+        folder: folder of `data` or `test`.
+        library: objects to find.
+        config: size and content of the set.
+        workers: number of processes.
+        progress: callback for the number of scenes done.
         test: whether it is the test set.
-        engine: where the scenes are made.
+        engine: engine that makes the scenes.
 
     Returns:
         the dataset, in BOP layout.
 
     Raises:
-        InputError: where the settings cannot be, differ from those that an earlier run
-            began with, or files cannot be written.
-        PhysimError: where a scene cannot be made.
+        InputError: if the settings are invalid or differ from those that an earlier
+            run began with, or if files cannot be written.
+        PhysimError: if a scene cannot be made.
     """
     root = folder / (TEST_FOLDER if test else DATA_FOLDER)
     generate_dataset(

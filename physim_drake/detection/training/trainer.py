@@ -2,7 +2,7 @@
 """Training: the same for every network that is called as torchvision's detectors are.
 
 Everything random in a step is drawn from the seed and the step's number, so that a run
-which was cut off and went on ends with the weights of one that was not.
+that was cut off and resumed ends with the weights of one that was not.
 """
 
 from __future__ import annotations
@@ -35,21 +35,22 @@ class TrainingConfig:
     """How a network learns.
 
     Attributes:
-        steps: in all.
-        batch: images a step.
-        learning_rate: highest; rises to it in the first steps, then falls as a cosine.
-        warmup: steps of rising.
-        weight_decay: of AdamW.
-        max_gradient: longer ones are shortened.
-        log_every: steps.
-        save_every: steps; at most so many are lost when a run is cut off. It is not
-            saved when it is interrupted: in the midst of a step there is no state that
-            an unbroken run would have.
+        steps: number of steps in all.
+        batch: images per step.
+        learning_rate: highest learning rate. It is reached after `warmup` steps and
+            then falls as a cosine.
+        warmup: steps in which the learning rate rises.
+        weight_decay: weight decay of AdamW.
+        max_gradient: norm to which longer gradients are shortened.
+        log_every: steps between entries of the log.
+        save_every: steps between saved states, and so the most that are lost when a
+            run is cut off. An interrupt does not save: in the middle of a step there
+            is no state that an unbroken run would have.
         test_every: steps between tests.
-        seed: of all random choices.
+        seed: seed of all random choices.
         bfloat16: whether products are done with 16 bits.
-        calm: the share of the steps, the last ones, in which images are changed little,
-            so that the network ends with images as they will be (Ge et al., "YOLOX",
+        calm: share of the steps, at the end, in which images are changed little, so
+            that the network ends with images as they will be (Ge et al., "YOLOX",
             2021, end without their strongest changes, too).
     """
 
@@ -83,17 +84,17 @@ class Trainer:
     """Trains a network, saving its state now and then.
 
     Args:
-        network: that learns; gives losses by name for images and targets.
-        augmenter: gives it samples.
-        config: how it learns.
-        device: where.
-        state_path: file of the state; the run goes on from it where it exists.
-        log: of losses.
+        network: network to train. It gives losses by name for images and targets.
+        augmenter: source of its samples.
+        config: configuration of the training.
+        device: device to train on.
+        state_path: file of the state. The run resumes from it if it exists.
+        log: log of losses.
 
     Attributes:
-        step: how many steps are done.
+        step: number of steps done.
         network: as given.
-        average: of its weights, which are those to use.
+        average: average of its weights, which are the ones to use.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class Trainer:
             report: is told the losses after so many steps.
 
         Raises:
-            InputError: where a file cannot be written.
+            InputError: if a file cannot be written.
         """
         config = self._config
         begun = time.monotonic() - self._log.seconds
@@ -168,7 +169,7 @@ class Trainer:
         }
 
     def _learn(self, samples: list[Sample]) -> dict[str, float]:
-        """One step; returns the losses before it."""
+        """Does one step and returns the losses before it."""
         config = self._config
         # Networks draw from torch's own generator, as torchvision's do.
         torch.manual_seed(_torch_seed(config.seed, self.step))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is kept about a training run: settings, losses and tests, as JSON and a plot."""
+"""The log of a training run: settings, losses and tests, as JSON and a plot."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ LOG_FILE, CURVES_FILE = "training.json", "training.png"
 
 
 def check_settings(path: Path, earlier: Any, settings: dict[str, Any]) -> None:
-    """Sees whether a run can go on.
+    """Requires that a run can be resumed with these settings.
 
     Args:
-        path: the file with the settings of the earlier run.
-        earlier: those settings.
-        settings: and those of now.
+        path: file with the settings of the earlier run.
+        earlier: settings of the earlier run.
+        settings: settings of this run.
 
     Raises:
-        InputError: where they differ.
+        InputError: if the settings differ.
     """
     if not isinstance(earlier, dict):
-        raise InputError(path, "holds no settings of a run", "remove it")
+        raise InputError(path, "does not hold the settings of a run", "remove it")
     for key in sorted(set(settings) | set(earlier)):
         if settings.get(key) != earlier.get(key):
             raise InputError(
@@ -42,17 +42,17 @@ class TrainingLog:
     """The record of a run in a folder.
 
     Args:
-        folder: of the run; a log that is there is gone on with.
-        settings: what the run depends on, plain values.
+        folder: folder of the run. A log that is already there is continued.
+        settings: plain values that the run depends on.
 
     Raises:
-        InputError: where the log that is there is of a run with other settings.
+        InputError: if the folder's log belongs to a run with other settings.
 
     Attributes:
         settings: as given, as JSON gives them back.
-        losses: one entry each few steps.
-        tests: one entry a test.
-        seconds: of training so far.
+        losses: an entry every few steps.
+        tests: an entry per test.
+        seconds: time of training so far.
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
@@ -74,7 +74,7 @@ class TrainingLog:
                     float(entry["seconds"])
             except (KeyError, TypeError, ValueError):
                 raise InputError(
-                    path, "is no log of a training run", "remove it"
+                    path, "is not the log of a training run", "remove it"
                 ) from None
 
     def cut(self, step: int) -> None:
@@ -97,7 +97,7 @@ class TrainingLog:
         """Writes the log and draws its curves.
 
         Raises:
-            InputError: where that cannot be done.
+            InputError: if a file cannot be written.
         """
         with write_atomically(self._folder / LOG_FILE) as file:
             json.dump(

@@ -71,7 +71,7 @@ def test_a_missing_file(tmp_path: Path):
 def test_a_file_cut_short(path: Path, share: float):
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * share)])
-    with pytest.raises(InputError, match="is damaged or no safetensors file"):
+    with pytest.raises(InputError, match="is damaged or not a safetensors file"):
         load_weights(path)
 
 
@@ -121,7 +121,7 @@ def rewrite(path: Path, **changes: str) -> None:
             "out of range",
         ),
         ({"classes": "[]"}, "0 classes"),
-        ({"classes": '[{"object_id": "1", "name": "a"}]'}, "is no class"),
+        ({"classes": '[{"object_id": "1", "name": "a"}]'}, "is not a class"),
         ({"classes": '[{"object_id": 1, "name": "a"}]'}, "not \\("),
         (
             {"network": json.dumps(tiny().as_dict() | {"pyramid_channels": 32})},

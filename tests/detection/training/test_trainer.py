@@ -171,7 +171,7 @@ def test_a_log_that_is_none(tmp_path: Path):
     (tmp_path / "training.json").write_text(
         '{"settings": {}, "losses": 3, "tests": []}'
     )
-    with pytest.raises(InputError, match="is no log"):
+    with pytest.raises(InputError, match="is not the log"):
         TrainingLog(tmp_path, {})
 
 
@@ -184,7 +184,7 @@ def test_the_log_of_another_run_is_refused(tmp_path: Path):
 def test_a_log_without_times_is_refused(tmp_path: Path) -> None:
     log = {"settings": {}, "losses": [{"step": 0}], "tests": []}
     (tmp_path / LOG_FILE).write_text(json.dumps(log))
-    with pytest.raises(InputError, match="is no log of a training run"):
+    with pytest.raises(InputError, match="is not the log of a training run"):
         TrainingLog(tmp_path, {})
 
 
