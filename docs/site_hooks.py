@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """What MkDocs does not do by itself for the documentation site.
 
-The README is the front page and CHANGELOG.md is a page, so that both exist once. Files
-of the repository that a page links to become pages. Formulas become MathML, which
-browsers draw without scripts.
+The README is the front page, and CHANGELOG.md and CONTRIBUTING.md are pages, so that
+each exists once. Files of the repository that a page links to become pages. Formulas
+become MathML, which browsers draw without scripts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,11 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
-_PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md"}
+_PAGES = {
+    "README.md": "index.md",
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+}
 _LANGUAGES = {".py": "python", ".yaml": "yaml", ".json": "json"}
 _LINK = re.compile(r"(\]\()([^)#\s:]+)(#[^)\s]*)?(\))")
 _CODE = re.compile(r"^(`{3,}).*?^\1`*$", re.DOTALL | re.MULTILINE)

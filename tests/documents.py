@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "data" / "tabletop"
 PAGES = [
     ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
     *sorted(p for p in (ROOT / "docs").rglob("*.md") if p.parent.name != "api"),
 ]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,12 @@ MESHES = {
 
 LANGUAGES = {"", "json", "python", "sh", "yaml"}
 PROGRAMS = ("physim-drake", ".venv/bin/physim-drake")
+
+GET_THE_SOURCES = (
+    ["git", "clone", "REPOSITORY", "physim-drake"],
+    ["cd", "physim-drake"],
+)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 MOST_NOT_RUN = 8
 """Blocks that the tests do not run, each of which takes long."""
@@ -234,10 +241,15 @@ def assert_is_there(program: str, words: list[str]) -> None:
     if program == "make":
         targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
         assert {word for word in words if "=" not in word} <= set(targets)
-    elif program in ("pytest", "python"):
-        assert (ROOT / words[0]).is_file()
+    elif program == "pip":
+        extras = re.fullmatch(r"install \.(?:\[([a-z,]+)\])?", " ".join(words))
+        assert extras, words
+        assert {*(extras[1] or "all").split(",")} <= {*PROJECT["optional-dependencies"]}
+    elif program in ("mypy", "pytest", "python", "ruff"):
+        paths = [word for word in words if word[0] != "-" and "/" in word]
+        assert all((ROOT / path).exists() for path in paths), paths
     else:
-        pytest.fail(f"{program} {' '.join(words)}: no test knows this program")
+        assert [program, *words] in GET_THE_SOURCES, "no test knows this program"
 
 
 def test_a_block_that_is_not_run_says_why() -> None:
