@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import tomllib
@@ -290,6 +291,18 @@ def test_links_lead_somewhere(page: Path) -> None:
     for link in links:
         if not link.startswith("https://"):
             assert (page.parent / link).exists(), link
+
+
+def test_what_has_moved_is_where_the_changelog_says() -> None:
+    table = (ROOT / "CHANGELOG.md").read_text().partition("| old path | new path |")[2]
+    rows = re.findall(r"^\| `physim_drake.* \| (.*) \|$", table, re.MULTILINE)
+    assert len(rows) > 20
+    for row in rows:
+        package = ""
+        for name in re.findall(r"`([\w.]+)`", row):
+            path = name if name.startswith("physim_drake.") else f"{package}.{name}"
+            package = path.rpartition(".")[0]
+            assert importlib.util.find_spec(path), path
 
 
 def names() -> list[str]:

@@ -34,6 +34,8 @@ MAIN_PAGES = (
     "estimate-your-own-data",
     "cli",
     "troubleshooting",
+    "glossary",
+    "contributing",
     "build-a-diagram",
     "pick-cell",
     "your-own-cell",
