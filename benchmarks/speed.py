@@ -32,7 +32,8 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from physim_drake.batch.images import choose_images, detection_lookup, match_detections
+from physim_drake.batch.detection_source import DetectionSource, match_detections
+from physim_drake.batch.image_names import choose_images
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.estimation.estimator import EstimationConfig, PoseEstimator
 from physim_drake.estimation.workers import Worker, WorkerConfig
@@ -83,8 +84,8 @@ def main(
     bop = BopDataset(dataset)
     targets = bop.targets()
     chosen = choose_images(targets, [image] if image else [])[0]
-    look_up, source = detection_lookup(bop)
-    detections = match_detections(targets, chosen, look_up(chosen), source)
+    source = DetectionSource.default(bop)
+    detections = match_detections(targets, chosen, source.look_up(chosen), source.name)
     folder = models or (APC11 if dataset == EXAMPLE else bop.models)
     library = ObjectLibrary.load(folder, {d.object_id for d in detections})
     observation = bop.observation(*chosen)

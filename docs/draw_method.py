@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from physim_drake.batch.images import detection_lookup
+from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.estimation.estimator import EstimationConfig
 from physim_drake.models import APC11
@@ -35,10 +35,10 @@ OUT = Path(__file__).parent / "images" / "method"
 def explanation() -> Explanation:
     """Of the example image, with the settings that `estimate` has."""
     data = BopDataset(DATASET, models=APC11)
-    look_up, source = detection_lookup(data, None, False)
+    source = DetectionSource.default(data)
     library = ObjectLibrary.load(APC11, {t.object_id for t in data.targets()})
     config = EstimationConfig(workers=2)
-    return explain_image(data, IMAGE, look_up, source, library, config)
+    return explain_image(data, IMAGE, source.look_up, source.name, library, config)
 
 
 def draw_images(pictures: Pictures, shown: int) -> None:

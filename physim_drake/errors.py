@@ -17,7 +17,7 @@ class InputError(PhysimError):
         source: the file (or argument) at fault.
         problem: what is wrong with it, naming field and value.
         remedy: what the user can do about it.
-        field: the part of the source at fault, where there is one.
+        field: the part of the source at fault, if there is one.
     """
 
     def __init__(
@@ -36,6 +36,17 @@ class InputError(PhysimError):
         where = f"{source}: {field}" if field else str(source)
         text = f"{where}: {problem}" + (f"; {remedy}" if remedy else "")
         super().__init__(_on_one_line(text))
+
+    def about(self, source: Path | str) -> InputError:
+        """The same error about another source.
+
+        Args:
+            source: the file or argument that the user gave; the present source, with
+                its field, is a part of it and becomes the field.
+        """
+        inner = "" if self.source == str(source) else self.source
+        field = ": ".join(x for x in (inner, self.field) if x)
+        return InputError(source, self.problem, self.remedy, field or None)
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str | None]]:
         """Pickles by the constructor's arguments, so that workers can send it."""

@@ -9,8 +9,10 @@ from typing import Any
 
 from pydrake.systems.framework import Context
 
-from physim_drake.batch.images import choose_images, detection_lookup, match_detections
+from physim_drake.batch.detection_source import DetectionSource, match_detections
+from physim_drake.batch.image_names import choose_images
 from physim_drake.datasets.bop import BopDataset
+from physim_drake.errors import InputError
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.systems.source import Source
 from physim_drake.systems.stage import EACH_STEP, TimingConfig
@@ -23,10 +25,13 @@ class ReplaySourceConfig:
     Attributes:
         dataset: root of a dataset in BOP layout.
         split: folder of its images.
-        images: which ones, as SCENE/IMAGE, in this order; all targets' if empty.
-        detections: a file of them; the dataset's ``detections.json`` if None.
-        masks: take the dataset's visible masks as detections instead.
-        repeat: whether to begin again after the last image; if not, there are no more
+        images: images to show, as SCENE/IMAGE, in this order; all that have targets if
+            empty.
+        detections: file of the detections; if None, the dataset's
+            ``detections.json``, or what the network of the package detects if the
+            dataset has no such file.
+        masks: whether to take the dataset's visible masks as detections instead.
+        repeat: whether to begin again after the last image; else there are no more
             looks.
     """
 
@@ -36,6 +41,12 @@ class ReplaySourceConfig:
     detections: Path | None = None
     masks: bool = False
     repeat: bool = False
+
+    def __post_init__(self) -> None:
+        if self.masks and self.detections is not None:
+            raise InputError(
+                "replay", "is given together with masks", "give one", "detections"
+            )
 
 
 class ReplaySource(Source):
@@ -55,8 +66,8 @@ class ReplaySource(Source):
     names in the image. A file is read when its image's turn comes.
 
     Args:
-        config: what.
-        period: see `Source`.
+        config: the images and detections to show.
+        period: time between two looks, s; see `Source`.
         timing: see `Source`; a simulation of a replay alone needs a `poll_period`.
 
     Raises:
@@ -74,9 +85,7 @@ class ReplaySource(Source):
         self._dataset = BopDataset(config.dataset, config.split)
         self._targets = self._dataset.targets()
         self._images = choose_images(self._targets, config.images)
-        self._lookup, self._source = detection_lookup(
-            self._dataset, config.detections, config.masks
-        )
+        self._detections = _detection_source(self._dataset, config)
         self._repeat = config.repeat
 
     def has_look(self, number: int) -> bool:
@@ -87,7 +96,16 @@ class ReplaySource(Source):
         """Reads the next image."""
         image = self._images[(number - 1) % len(self._images)]
         observation = self._dataset.observation(*image)
-        found = match_detections(
-            self._targets, image, self._lookup(image), self._source
-        )
-        return observation, tuple(found)
+        seen, name = self._detections.look_up(image), self._detections.name
+        return observation, tuple(match_detections(self._targets, image, seen, name))
+
+
+def _detection_source(
+    dataset: BopDataset, config: ReplaySourceConfig
+) -> DetectionSource:
+    """What the configuration says about the places of the objects."""
+    if config.masks:
+        return DetectionSource.masks(dataset)
+    if config.detections is not None:
+        return DetectionSource.file(dataset, config.detections)
+    return DetectionSource.default(dataset)

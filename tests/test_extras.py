@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from physim_drake.batch.images import detection_lookup, trained_lookup
+from physim_drake.batch.detection_source import DetectionSource
+from physim_drake.cli.detections import detection_source
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.errors import InputError
 from physim_drake.extras import EXTRAS, need_extra
@@ -97,7 +98,7 @@ def test_what_is_installed_is_needed_in_silence() -> None:
     ("extra", "package", "use"),
     [
         ("viz", "jinja2", lambda: need_extra("viz")),
-        ("train", "torch", lambda: trained_lookup(BopDataset(SCENE))),
+        ("train", "torch", lambda: DetectionSource.network(BopDataset(SCENE))),
         ("train", "torch", lambda: NetworkDetectorConfig().make({}, {})),
         ("ray", "ray", lambda: RayPool(dict)),
     ],
@@ -124,7 +125,7 @@ def test_without_boxes_an_estimate_names_the_extra_that_could_find_them(
     shutil.copytree(SCENE, tmp_path / "scene")
     (tmp_path / "scene" / "detections.json").unlink()
     with pytest.raises(InputError) as caught:
-        detection_lookup(BopDataset(tmp_path / "scene"))
+        detection_source(BopDataset(tmp_path / "scene"))
     assert "(extra [train])" in caught.value.problem
     assert "--detections" in caught.value.remedy
 

@@ -20,7 +20,7 @@ from benchmarks.peers.installed import HOW, missing
 from benchmarks.peers.registration import registrations
 from benchmarks.peers.scene_level import scene_rows
 from benchmarks.peers.settling import engines
-from physim_drake.batch.images import detection_lookup
+from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.reporting.study import SUCCESS_CM, SUCCESS_DEG
@@ -88,10 +88,11 @@ def compare(
     """Runs the parts and prints a table for each; all of it for JSON."""
     own = root / "models"
     part = PartOfDataset(root, limit, own if own.is_dir() else APC11)
-    look_up, source = detection_lookup(part, masks=masks)
+    make = DetectionSource.masks if masks else DetectionSource.default
+    source = make(part)
     library = ObjectLibrary.load(part.models, {t.object_id for t in part.targets()})
     by_image = {
-        image: image_cases(part, library, image, look_up, source)[2]
+        image: image_cases(part, library, image, source.look_up, source.name)[2]
         for image in part.chosen
     }
     cases = [case for of_image in by_image.values() for case in of_image]
@@ -125,7 +126,12 @@ def compare(
         tables.show(console, f"Settling from 3 deg, 5 mm off; {found}", rows)
     if "scene" in parts:
         rows = scene_rows(
-            part, library, (look_up, source), by_image, methods, status.update
+            part,
+            library,
+            (source.look_up, source.name),
+            by_image,
+            methods,
+            status.update,
         )
         report["scene"] = rows
         tables.show(console, f"Whole scenes; {found}", rows)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from physim_drake.batch.images import DetectionLookup, match_detections
+from physim_drake.batch.detection_source import DetectionLookup, match_detections
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId, Target
 from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary, ObjectModel

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.peers.cases import Case, PartOfDataset, clocked
 from benchmarks.peers.registration import Registration
 from benchmarks.peers.tables import Row, ratio
-from physim_drake.batch.images import DetectionLookup
+from physim_drake.batch.detection_source import DetectionLookup
 from physim_drake.datasets.bop import ImageId
 from physim_drake.datasets.results import ResultRow
 from physim_drake.estimation.estimator import EstimationConfig

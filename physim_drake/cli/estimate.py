@@ -27,14 +27,9 @@ from physim_drake.cli.options import (
     messages,
     surface_height,
 )
-from physim_drake.errors import InputError
 from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from physim_drake.batch.images import DetectionLookup
-    from physim_drake.datasets.bop import BopDataset, Target
     from physim_drake.estimation.estimator import EstimationConfig
 
 MAX_DEFAULT_WORKERS = 4
@@ -201,7 +196,8 @@ def estimate(
 
     `physim-drake evaluate lab.csv datasets/lab` then judges them.
     """
-    from physim_drake.batch.images import boxes_only, choose_images
+    from physim_drake.batch.image_names import choose_images
+    from physim_drake.cli.detections import detection_source_for
     from physim_drake.cli.estimate_run import EstimateRun
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results_writer import ResultsWriter
@@ -214,12 +210,14 @@ def estimate(
     )
     data = BopDataset(dataset, split, models)
     wanted = data.targets(targets)
-    chosen = choose_images(wanted, images or ())
+    chosen = choose_images(wanted, images or (), "--images")
     of_chosen = [t for t in wanted if (t.scene_id, t.im_id) in set(chosen)]
     library = ObjectLibrary.load(data.models, {t.object_id for t in of_chosen})
-    lookup, source = _lookup(method, data, detections, masks, weights, of_chosen)
+    source = detection_source_for(
+        config.method, data, detections, masks, weights, of_chosen
+    )
     if boxes:
-        lookup, source = boxes_only(lookup), f"boxes of {source}"
+        source = source.boxes_only()
     for folder in (overlays, trace):
         if folder is not None:
             make_folder(folder)
@@ -227,7 +225,7 @@ def estimate(
         "dataset": str(dataset.resolve()),
         "split": split,
         "models": str(data.models.resolve()),
-        "detections": source,
+        "detections": source.name,
         "surface": "auto" if height is None else f"{height:g}",
         "method": method,
         "expansions": str(expansions),
@@ -240,36 +238,13 @@ def estimate(
         EstimateRun(
             data,
             wanted,
-            lookup,
-            source,
+            source.look_up,
+            source.name,
             library,
             config,
             messages(quiet),
             engine,
         ).run(chosen, writer, height, overlays, trace)
-
-
-def _lookup(
-    method: str,
-    data: BopDataset,
-    detections: Path | None,
-    masks: bool,
-    weights: Path | None,
-    targets: Sequence[Target],
-) -> tuple[DetectionLookup, str]:
-    """What the method takes for the places of the objects, and its name."""
-    from physim_drake.batch.images import detection_lookup, trained_lookup
-    from physim_drake.estimation.estimator import Method
-
-    if method != Method.FCN_PCA_ICP:
-        return detection_lookup(data, detections, masks, weights, targets)
-    if detections is not None or masks:
-        raise InputError(
-            "--masks" if masks else "--detections",
-            f"given with {method}, which segments images by a network",
-            "leave it out, or give --method pca-icp",
-        )
-    return trained_lookup(data, weights, targets, pixels=True)
 
 
 def _config(

@@ -13,12 +13,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from physim_drake.batch.images import (
-    DetectionLookup,
-    ImageResult,
-    estimate_images,
-    match_detections,
-)
+from physim_drake.batch.detection_source import DetectionLookup, match_detections
+from physim_drake.batch.images import ImageResult, estimate_images
 from physim_drake.batch.ray import make_estimator
 from physim_drake.cli.interrupts import say_interrupted
 from physim_drake.cli.progress import Steps

@@ -101,11 +101,11 @@ def explain(
     """
     need_extra("viz")
 
-    from physim_drake.batch.images import choose_images, detection_lookup
+    from physim_drake.batch.image_names import choose_images
+    from physim_drake.cli.detections import detection_source
     from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
-    from physim_drake.errors import InputError
     from physim_drake.estimation.estimator import EstimationConfig
     from physim_drake.objects.model import ObjectLibrary
     from physim_drake.reporting.explanation import explain_image
@@ -115,12 +115,9 @@ def explain(
     height = surface_height(surface)
     data = BopDataset(dataset, split, models)
     wanted = data.targets(targets)
-    try:
-        (chosen,) = choose_images(wanted, [image])
-    except InputError as error:
-        raise InputError("--image", error.problem, error.remedy) from error
+    (chosen,) = choose_images(wanted, [image], "--image")
     of_image = [t for t in wanted if (t.scene_id, t.im_id) == chosen]
-    look_up, source = detection_lookup(data, detections, masks, targets=of_image)
+    source = detection_source(data, detections, masks, targets=of_image)
     library = ObjectLibrary.load(data.models, {t.object_id for t in of_image})
     config = EstimationConfig(seed=seed, workers=workers or default_workers())
     config = config.with_budget(expansions, hypotheses)
@@ -131,8 +128,8 @@ def explain(
         explanation = explain_image(
             data,
             chosen,
-            look_up,
-            source,
+            source.look_up,
+            source.name,
             library,
             config,
             height,

@@ -96,12 +96,7 @@ class PickRun:
         try:
             yield
         except InputError as error:
-            if error.source == str(self._source):
-                raise
-            where = f"{error.source}: {error.field}" if error.field else error.source
-            raise InputError(
-                self._source, error.problem, error.remedy, where
-            ) from error
+            raise error.about(self._source) from error
 
 
 def replay_name(number: int) -> str:

@@ -132,7 +132,7 @@ def report(
     """
     need_extra("viz")
 
-    from physim_drake.batch.images import detection_lookup
+    from physim_drake.cli.detections import detection_source
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.objects.model import ObjectLibrary
     from physim_drake.reporting.study import Study
@@ -146,16 +146,16 @@ def report(
     data = BopDataset(dataset, split, models)
     wanted = data.targets()
     library = ObjectLibrary.load(data.models, {t.object_id for t in wanted})
-    look_up, source = detection_lookup(data, detections, masks, targets=wanted)
+    source = detection_source(data, detections, masks, targets=wanted)
     config = _config(seed, plain, workers, expansions, hypotheses)
-    study = Study(data, library, look_up, source, config, engine=engine)
+    study = Study(data, library, source.look_up, source.name, config, engine=engine)
     plan, notes = _plan(study, names, detector, weights, methods == _METHODS)
     settings = {
         "dataset": str(dataset.resolve()),
         "split": split,
         "models": str(data.models.resolve()),
-        "detections": source,
-        "methods": ", ".join(item.described(source) for item in plan),
+        "detections": source.name,
+        "methods": ", ".join(item.described(source.name) for item in plan),
         "expansions": str(expansions),
         "hypotheses": str(hypotheses),
         "seed": str(seed),
@@ -228,20 +228,20 @@ def _plan(
     by_default: bool,
 ) -> tuple[list[_Item], list[str]]:
     """What to run, and why a method that was not asked for by name is left out."""
-    from physim_drake.batch.images import trained_lookup
+    from physim_drake.batch.detection_source import DetectionSource
 
     plan, notes = [], []
     for method in methods:
         own = study
         if method == _FCN:
             try:
-                look_up = trained_lookup(study.dataset, weights, pixels=True)
+                found = DetectionSource.network(study.dataset, weights, pixels=True)
             except InputError as error:
                 if not by_default or weights is not None:
                     raise
                 notes.append(f"{_FCN} is missing: {error}")
                 continue
-            own = replace(study, look_up=look_up[0], source=look_up[1])
+            own = replace(study, look_up=found.look_up, source=found.name)
         plan.append(_Item(method, own, str(method)))
     if detector:
         searching = next((m for m in methods if m.searches), None)
@@ -249,8 +249,8 @@ def _plan(
             raise InputError(
                 "--detector", "needs a method that searches", "name physim-mcts, too"
             )
-        found, source = trained_lookup(study.dataset, weights)
-        own = replace(study, look_up=found, source=source)
+        found = DetectionSource.network(study.dataset, weights)
+        own = replace(study, look_up=found.look_up, source=found.name)
         plan.append(_Item(searching, own, f"{searching}, detector"))
     return plan, notes
 

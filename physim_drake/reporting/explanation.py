@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physim_drake.batch.images import DetectionLookup, match_detections
+from physim_drake.batch.detection_source import DetectionLookup, match_detections
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.errors import InputError
 from physim_drake.estimation.alternatives import best_alternative

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from physim_drake.batch.images import DetectionLookup, estimate_images, match_detections
+from physim_drake.batch.detection_source import DetectionLookup, match_detections
+from physim_drake.batch.images import estimate_images
 from physim_drake.batch.ray import make_estimator
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId
 from physim_drake.datasets.results import ResultRow

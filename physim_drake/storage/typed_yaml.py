@@ -79,8 +79,7 @@ def parse_typed_yaml(
     except NotImplementedError:
         raise  # an error of the schema, not of the file
     except InputError as error:  # a value that the dataclass itself rejects
-        field = ": ".join(x for x in (error.source, error.field) if x)
-        raise InputError(source, error.problem, error.remedy, field) from error
+        raise error.about(source) from error
     except (
         RuntimeError,
         ValueError,

@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from physim_drake.batch.images import choose_images
 from physim_drake.cli.estimate import MethodName
-from physim_drake.datasets.bop import BopDataset, Target
+from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.results import read_results
-from physim_drake.errors import InputError
 from physim_drake.estimation.config import LEAST_CONFIDENCE
 from physim_drake.estimation.estimator import Method
 from physim_drake.evaluation.evaluate import evaluate_results
@@ -113,15 +111,6 @@ def test_a_required_confidence_lies_between_0_and_1(
     out = tmp_path / "r.csv"
     assert run(*quick(dataset, out), f"--least-confidence={least}") == 2
     assert not out.exists()
-
-
-def test_image_names_are_checked_against_the_targets() -> None:
-    targets = [Target(1, 0, 1, 1), Target(1, 0, 2, 1), Target(2, 5, 1, 1)]
-    assert choose_images(targets, []) == [(1, 0), (2, 5)]
-    assert choose_images(targets, ["2/5", "2/5"]) == [(2, 5)]
-    for name in ("", "1", "1/", "a/0", "1/0/2", "-1/0", "1/٣"):
-        with pytest.raises(InputError, match="is no image"):
-            choose_images(targets, [name])
 
 
 def test_the_methods_are_those_of_the_library() -> None:

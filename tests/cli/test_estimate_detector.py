@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import torch
 
-from physim_drake.batch import images as batch
+from physim_drake.batch import detection_source as batch
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.results import read_results
 from physim_drake.detection.detector import NetworkDetector

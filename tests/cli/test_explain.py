@@ -54,7 +54,8 @@ def test_writes_a_page_and_tells_where(
 
 
 @pytest.mark.parametrize(
-    ("image", "problem"), [("1/7", "1/7 has no target"), ("one", "'one' is no image")]
+    ("image", "problem"),
+    [("1/7", "1/7 has no target"), ("one", "'one' is not an image")],
 )
 def test_an_image_that_is_not_there_is_one_line(
     run: Run,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physim_drake.batch import images as batch
+from physim_drake.batch import detection_source as batch
 from physim_drake.cli import main
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.detection.detector import NetworkDetector

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from pycocotools import mask as coco
 
-from physim_drake.batch.images import detection_lookup
+from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.datasets.bop import BopDataset, Target
 from physim_drake.datasets.detections import load_detections, warn_of_left_out
 from physim_drake.datasets.rle import decode_runs, read_runs
@@ -186,8 +186,8 @@ def test_the_look_up_tells_what_the_targets_leave_out(
     dataset: BopDataset, caplog: pytest.LogCaptureFixture
 ) -> None:
     load(dataset, detection(), detection(category_id=9))
-    detection_lookup(dataset, targets=TARGETS)
+    DetectionSource.default(dataset, TARGETS)
     assert "not targets of the image: 1 (obj_id 9)" in caplog.text
     caplog.clear()
-    detection_lookup(dataset)
+    DetectionSource.default(dataset)
     assert caplog.messages == []

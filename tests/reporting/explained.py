@@ -9,7 +9,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from physim_drake.batch.images import detection_lookup
+from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.estimation.estimator import EstimationConfig
 from physim_drake.models import APC11
@@ -24,9 +24,9 @@ def explain(root: Path) -> Explanation:
     """Explains the image of a dataset like the example."""
     dataset = BopDataset(root, models=APC11)
     library = ObjectLibrary.load(APC11, {t.object_id for t in dataset.targets()})
-    look_up, source = detection_lookup(dataset)
+    source = DetectionSource.default(dataset)
     config = EstimationConfig().with_budget(24, 8)
-    return explain_image(dataset, (1, 0), look_up, source, library, config)
+    return explain_image(dataset, (1, 0), source.look_up, source.name, library, config)
 
 
 @cache

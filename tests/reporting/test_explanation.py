@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physim_drake.batch.images import detection_lookup
+from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
@@ -131,7 +131,14 @@ def test_both_parts_of_an_error_add_up() -> None:
 
 def test_only_the_tree_search_is_explained() -> None:
     dataset = BopDataset(EXAMPLE)
-    look_up, source = detection_lookup(dataset)
+    source = DetectionSource.default(dataset)
     config = EstimationConfig(Method.PCA_ICP)
     with pytest.raises(InputError, match="explain physim-mcts"):
-        explain_image(dataset, (1, 0), look_up, source, example().library, config)
+        explain_image(
+            dataset,
+            (1, 0),
+            source.look_up,
+            source.name,
+            example().library,
+            config,
+        )

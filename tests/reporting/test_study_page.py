@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physim_drake.batch.images import detection_lookup
+from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, Method
@@ -30,9 +30,9 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "data" / "tabletop"
 def study() -> Study:
     dataset = BopDataset(EXAMPLE, models=APC11)
     library = ObjectLibrary.load(APC11, {t.object_id for t in dataset.targets()})
-    look_up, source = detection_lookup(dataset)
+    source = DetectionSource.default(dataset)
     config = EstimationConfig().with_budget(12, 8)
-    return Study(dataset, library, look_up, source, config)
+    return Study(dataset, library, source.look_up, source.name, config)
 
 
 @pytest.fixture(scope="module")

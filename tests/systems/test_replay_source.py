@@ -65,3 +65,8 @@ def test_a_dataset_or_image_that_is_not_there_is_named(tmp_path: Path) -> None:
         ReplaySource(ReplaySourceConfig(tmp_path))
     with pytest.raises(InputError, match="7/0 has no target"):
         ReplaySource(replace(CONFIG, images=("7/0",)))
+
+
+def test_masks_and_a_file_of_detections_exclude_each_other() -> None:
+    with pytest.raises(InputError, match="detections: is given together with masks"):
+        replace(CONFIG, masks=True, detections=TABLETOP / "detections.json")
