@@ -13,12 +13,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from physim_drake.cli.estimate import default_workers
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.datasets.detections import load_detections
 from physim_drake.estimation import EstimationConfig, estimate_scene
 from physim_drake.models import APC11
 from physim_drake.objects import ObjectLibrary
+from physim_drake.parallel.cores import default_workers
 from physim_drake.pose_errors import pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.overlay import draw_overlay, write_png

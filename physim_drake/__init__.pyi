@@ -12,7 +12,7 @@ from .episodes.runner import EpisodeRunner as EpisodeRunner
 from .errors import InputError as InputError
 from .errors import PhysimError as PhysimError
 from .estimation.config import EstimationConfig as EstimationConfig
-from .estimation.config import Method as Method
+from .estimation.method import Method as Method
 from .estimation.estimator import PoseEstimator as PoseEstimator
 from .estimation.estimator import estimate_scene as estimate_scene
 from .objects.model import ObjectLibrary as ObjectLibrary

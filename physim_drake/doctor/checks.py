@@ -9,7 +9,6 @@ process is a failing check like any other.
 from __future__ import annotations
 
 import json
-import os
 import platform
 import shutil
 import signal
@@ -21,6 +20,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
+
+from physim_drake.parallel.cores import core_count
 
 LEAST_PYTHON = (3, 11)
 LEAST_MEMORY = 2.0
@@ -145,13 +146,6 @@ def _signal_name(number: int) -> str:
         return signal.Signals(number).name
     except ValueError:
         return f"signal {number}"
-
-
-def core_count() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _python() -> Check:

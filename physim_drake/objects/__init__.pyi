@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
+from .container_name import ContainerName as ContainerName
 from .containers import Container as Container
-from .containers import ContainerName as ContainerName
 from .containers import load_container as load_container
 from .model import ObjectLibrary as ObjectLibrary
 from .model import ObjectModel as ObjectModel

@@ -9,22 +9,14 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 import physim_drake.models
+from physim_drake.objects.container_name import ContainerName as ContainerName
 from physim_drake.poses import Array
-
-
-class ContainerName(StrEnum):
-    """The containers that come with the package."""
-
-    TABLE = "table"
-    TOTE = "tote"
-    SHELF = "shelf"
 
 
 @dataclass(frozen=True)

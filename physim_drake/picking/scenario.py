@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from pathlib import Path
 
 from pydrake.geometry import SceneGraphConfig
@@ -21,6 +20,7 @@ from physim_drake.errors import InputError
 from physim_drake.estimation.method_config import MethodConfig
 from physim_drake.models import PACKAGE_XML
 from physim_drake.objects.containers import ContainerName
+from physim_drake.picking.detector_name import DetectorName as DetectorName
 from physim_drake.picking.planner_config import ArmPlannerConfig
 from physim_drake.sensors.presets import CameraName
 from physim_drake.storage.typed_yaml import load_typed_yaml
@@ -157,13 +157,6 @@ def _views() -> tuple[ViewpointConfig, ...]:
         ViewpointConfig(110.0, 60.0, 0.58),
         ViewpointConfig(45.0, 60.0, 0.55),
     )
-
-
-class DetectorName(StrEnum):
-    """Names of what finds the objects in an image."""
-
-    NETWORK = "network"
-    ORACLE = "oracle"
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
+from .camera_name import CameraName as CameraName
 from .color_noise import ColorNoise as ColorNoise
 from .color_noise import expose as expose
 from .depth_noise import DepthNoise as DepthNoise
 from .depth_noise import measure_depth as measure_depth
-from .presets import CameraName as CameraName
 from .presets import CameraPreset as CameraPreset

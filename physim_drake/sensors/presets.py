@@ -11,18 +11,10 @@ known methods for tuning D4xx cameras" (the z^2 law).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 from physim_drake.camera import CameraIntrinsics
+from physim_drake.sensors.camera_name import CameraName as CameraName
 from physim_drake.sensors.depth_noise import DepthNoise
-
-
-class CameraName(StrEnum):
-    """The presets."""
-
-    D415 = "d415"
-    D435 = "d435"
-    SR300 = "sr300"
 
 
 @dataclass(frozen=True)

@@ -10,23 +10,14 @@ imported at any time. (torch 2.13, pydrake 1.51, Open3D 0.19, CoACD 1.0.14.)
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from enum import StrEnum
 from pathlib import Path
 
 import torch
 
+from physim_drake.detection.networks.device_name import DeviceName as DeviceName
 from physim_drake.errors import InputError
 
 _CPU_FACTS = Path("/proc/cpuinfo")
-
-
-class DeviceName(StrEnum):
-    """Kinds of devices."""
-
-    AUTO = "auto"
-    CPU = "cpu"
-    CUDA = "cuda"
-    MPS = "mps"
 
 
 def choose_device(name: DeviceName = DeviceName.AUTO) -> torch.device:
