@@ -33,8 +33,9 @@ from physim_drake.detection.networks.devices import (
 from physim_drake.detection.networks.weights import load_weights
 from physim_drake.detection.training.detector_training import (
     WEIGHTS_FILE,
-    DetectorTraining,
+    DetectorTrainingJob,
     TrainDetectorConfig,
+    train_detector,
 )
 from physim_drake.detection.training.scene_sets import (
     SceneSetConfig,
@@ -197,7 +198,10 @@ def _train(
         start=args.weights,
     )
     library = ObjectLibrary.load(APC11)
-    DetectorTraining(out, library, config, args.workers, device, True, _report).run()
+    job = DetectorTrainingJob(
+        out, library, config, args.workers, device, resume=True, progress=_report
+    )
+    train_detector(job)
     return out / WEIGHTS_FILE
 
 

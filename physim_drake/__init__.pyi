@@ -12,9 +12,9 @@ from .episodes.runner import EpisodeRunner as EpisodeRunner
 from .errors import InputError as InputError
 from .errors import PhysimError as PhysimError
 from .estimation.config import EstimationConfig as EstimationConfig
-from .estimation.method import Method as Method
 from .estimation.estimator import PoseEstimator as PoseEstimator
 from .estimation.estimator import estimate_scene as estimate_scene
+from .estimation.method import Method as Method
 from .objects.model import ObjectLibrary as ObjectLibrary
 from .objects.model import ObjectModel as ObjectModel
 from .observation.observation import Detection as Detection

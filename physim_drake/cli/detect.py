@@ -9,24 +9,21 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import (
+    Dataset,
+    LeastScore,
     LogLevel,
-    LogLevelName,
     NetworkWeights,
     Quiet,
     Split,
-    messages,
+    Threads,
 )
+from physim_drake.cli.output import LogLevelName, counted, messages
 from physim_drake.extras import need_extra
 from physim_drake.models import DETECTOR
 
 
 def detect(
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            help="Dataset in BOP layout, as for estimate.", show_default=False
-        ),
-    ],
+    dataset: Dataset,
     out: Annotated[
         Path,
         typer.Option(
@@ -37,10 +34,7 @@ def detect(
     ],
     weights: NetworkWeights = DETECTOR,
     split: Split = "test",
-    least_score: Annotated[
-        float,
-        typer.Option(min=0.0, max=1.0, help="Detections of a lower score are dropped."),
-    ] = 0.05,
+    least_score: LeastScore = 0.05,
     overlays: Annotated[
         Path | None,
         typer.Option(
@@ -54,12 +48,7 @@ def detect(
             min=0.0, max=1.0, help="Detections of a lower score are not drawn."
         ),
     ] = 0.5,
-    threads: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Number of CPU threads; by default one for each core."
-        ),
-    ] = None,
+    threads: Threads = None,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -103,6 +92,6 @@ def detect(
             steps.advance()
     write_detections(out, entries)
     typer.echo(
-        f"{len(entries)} detections in {len(images)} images, "
+        f"{counted(len(entries), 'detection')} in {counted(len(images), 'image')}, "
         f"{seconds / len(images):.2f} s an image: {out}"
     )

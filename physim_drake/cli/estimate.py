@@ -3,41 +3,40 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
 from physim_drake.cli.options import (
+    Dataset,
     DatasetModels,
+    Detections,
     EngineOption,
     Expansions,
     Hypotheses,
     LogLevel,
-    LogLevelName,
     Masks,
     Plain,
     Quiet,
+    Resume,
     Seed,
     Split,
-    messages,
+    Surface,
+    Targets,
+    Workers,
     surface_height,
 )
+from physim_drake.cli.output import LogLevelName, messages
+from physim_drake.estimation.method import Method
+from physim_drake.parallel.cores import default_workers
 from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
-    from physim_drake.estimation.estimator import EstimationConfig
-
-MAX_DEFAULT_WORKERS = 4
-"""The search scores four placements at a time, so that more workers would idle."""
-
-MethodName = Literal[
-    "physim-mcts", "physim-heuristic", "super4pcs-icp", "pca-icp", "fcn-pca-icp"
-]
+    from physim_drake.estimation.config import EstimationConfig
 
 
 class EstimateCommand(TyperCommand):
@@ -55,14 +54,7 @@ class EstimateCommand(TyperCommand):
 
 
 def estimate(
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            help="Dataset in BOP layout: DATASET/SPLIT/SCENE/{rgb,depth,"
-            "scene_camera.json}. Depth times depth_scale is in millimetres.",
-            show_default=False,
-        ),
-    ],
+    dataset: Dataset,
     out: Annotated[
         Path,
         typer.Option(
@@ -74,15 +66,7 @@ def estimate(
     ],
     split: Split = "test",
     models: DatasetModels = None,
-    detections: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Where the objects are, in BOP's JSON format: boxes as left, top, "
-            "width, height in pixels, or masks. By default DATASET/detections.json, "
-            "and where there is none, what the network of the package detects.",
-        ),
-    ] = None,
+    detections: Detections = None,
     masks: Masks = False,
     weights: Annotated[
         Path | None,
@@ -96,33 +80,19 @@ def estimate(
         bool,
         typer.Option(
             "--boxes",
-            help="Use only the boxes of the detections, also where they have masks.",
+            help="Use only the boxes of the detections, even if they have masks.",
         ),
     ] = False,
-    targets: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Which objects to look for in which image; by default "
-            "DATASET/test_targets_bop19.json, else the ground truth's.",
-        ),
-    ] = None,
-    surface: Annotated[
-        str,
-        typer.Option(
-            metavar="auto|Z_METRES",
-            help="Height of the support surface in the world, in metres; auto finds "
-            "the surface in each image.",
-        ),
-    ] = "auto",
+    targets: Targets = None,
+    surface: Surface = "auto",
     method: Annotated[
-        MethodName,
+        Method,
         typer.Option(
             help="The two physim methods search over all objects together, with "
             "physics; the others take each object alone. fcn-pca-icp takes its "
             "segments from a network."
         ),
-    ] = "physim-mcts",
+    ] = Method.PHYSIM_MCTS,
     expansions: Expansions = 250,
     plain: Plain = False,
     hypotheses: Hypotheses = 25,
@@ -131,25 +101,18 @@ def estimate(
         typer.Option(
             min=0,
             max=1,
-            help="An object of less confidence counts as not found; 0 keeps all. By "
-            "default 0.5, or 0 with --plain and with methods that do not search.",
-            show_default=False,
+            help="Confidence below which an object counts as not found; 0 keeps all.",
+            show_default="0.5, or 0 with --plain and with methods that do not search",
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Number of processes; by default one for each core, up to "
-            f"{MAX_DEFAULT_WORKERS}. The poses do not depend on it.",
-        ),
-    ] = None,
+    workers: Workers = None,
     seed: Seed = 0,
     images: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="SCENE/IMAGE ...", help="Estimate only these images, as in 1/0 1/3."
+            metavar="SCENE/IMAGE ...",
+            help="Estimate only these images, as in 1/0 1/3.",
+            show_default="all that have targets",
         ),
     ] = None,
     overlays: Annotated[
@@ -165,13 +128,10 @@ def estimate(
         typer.Option(
             metavar="DIR",
             help="Folder for JSON files that tell how each search went: the best score "
-            "by expansion and seconds.",
+            "by expansion and seconds, and seconds by stage.",
         ),
     ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option("--resume", help="Go on with what an earlier run wrote to --out."),
-    ] = False,
+    resume: Resume = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
@@ -198,36 +158,43 @@ def estimate(
     """
     from physim_drake.batch.image_names import choose_images
     from physim_drake.cli.detections import detection_source_for
-    from physim_drake.cli.estimate_run import EstimateRun
+    from physim_drake.cli.estimate_run import EstimateJob, run_estimate
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.datasets.results_writer import ResultsWriter
     from physim_drake.objects.model import ObjectLibrary
     from physim_drake.storage.files import make_folder
 
     height = surface_height(surface)
-    config = _config(
-        method, plain, expansions, hypotheses, workers, seed, least_confidence
-    )
+    config = _config(method, plain, expansions, hypotheses, least_confidence)
+    config = replace(config, seed=seed, workers=workers or default_workers())
     data = BopDataset(dataset, split, models)
     wanted = data.targets(targets)
     chosen = choose_images(wanted, images or (), "--images")
     of_chosen = [t for t in wanted if (t.scene_id, t.im_id) in set(chosen)]
     library = ObjectLibrary.load(data.models, {t.object_id for t in of_chosen})
-    source = detection_source_for(
-        config.method, data, detections, masks, weights, of_chosen
-    )
-    if boxes:
-        source = source.boxes_only()
+    source = detection_source_for(method, data, detections, masks, weights, of_chosen)
     for folder in (overlays, trace):
         if folder is not None:
             make_folder(folder)
+    job = EstimateJob(
+        dataset=data,
+        targets=wanted,
+        images=chosen,
+        detections=source.boxes_only() if boxes else source,
+        library=library,
+        config=config,
+        surface_height=height,
+        engine=engine,
+        overlays=overlays,
+        trace=trace,
+    )
     settings = {
         "dataset": str(dataset.resolve()),
         "split": split,
         "models": str(data.models.resolve()),
-        "detections": source.name,
+        "detections": job.detections.name,
         "surface": "auto" if height is None else f"{height:g}",
-        "method": method,
+        "method": str(method),
         "expansions": str(expansions),
         "hypotheses": str(hypotheses),
         "seed": str(seed),
@@ -235,38 +202,20 @@ def estimate(
         "least_confidence": f"{config.required_confidence:g}",
     }
     with ResultsWriter(out, resume, settings) as writer:
-        EstimateRun(
-            data,
-            wanted,
-            source.look_up,
-            source.name,
-            library,
-            config,
-            messages(quiet),
-            engine,
-        ).run(chosen, writer, height, overlays, trace)
+        run_estimate(job, writer, messages(quiet))
 
 
 def _config(
-    method: str,
+    method: Method,
     plain: bool,
     expansions: int,
     hypotheses: int,
-    workers: int | None,
-    seed: int,
     least_confidence: float | None,
 ) -> EstimationConfig:
-    from physim_drake.estimation.estimator import EstimationConfig, Method
+    from physim_drake.estimation.config import EstimationConfig
 
     config = EstimationConfig.paper() if plain else EstimationConfig()
     config = config.with_budget(expansions, hypotheses)
     if least_confidence is not None:
         config = replace(config, least_confidence=least_confidence)
-    return replace(
-        config, method=Method(method), seed=seed, workers=workers or default_workers()
-    )
-
-
-def default_workers() -> int:
-    """One worker for each core this process may use, within reason."""
-    return min(len(os.sched_getaffinity(0)), MAX_DEFAULT_WORKERS)
+    return replace(config, method=method)

@@ -8,30 +8,35 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from physim_drake.batch.detection_source import DetectionLookup, match_detections
+from physim_drake.batch.detection_source import DetectionSource, match_detections
 from physim_drake.batch.images import ImageResult, estimate_images
 from physim_drake.batch.ray import make_estimator
 from physim_drake.cli.interrupts import say_interrupted
+from physim_drake.cli.output import counted
 from physim_drake.cli.progress import Steps
 from physim_drake.datasets.bop import BopDataset, ImageId, Target
 from physim_drake.datasets.results_writer import ResultsWriter
-from physim_drake.estimation.estimator import EstimationConfig
+from physim_drake.estimation.config import EstimationConfig
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.observation.observation import Detection
 from physim_drake.parallel.engine import Engine
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import draw_overlay, write_png
 
 _log = logging.getLogger(__name__)
+_PLAIN: Any = {"markup": False, "soft_wrap": True}
+"""How a line is printed that may quote files."""
 
 
 @dataclass
 class _Tally:
-    """What the images of a run came to; not the images, which would fill the memory."""
+    """What the images of a run came to, without the images, to save memory."""
 
     images: int = 0
     objects: int = 0
@@ -46,120 +51,121 @@ class _Tally:
         self.seconds += result.seconds
 
 
-class EstimateRun:
-    """One call of the command: estimates, writes and tells how it goes."""
+@dataclass(frozen=True)
+class EstimateJob:
+    """What one call of the command estimates.
 
-    def __init__(
-        self,
-        data: BopDataset,
-        targets: Sequence[Target],
-        lookup: DetectionLookup,
-        source: str,
-        library: ObjectLibrary,
-        config: EstimationConfig,
-        console: Console,
-        engine: Engine = Engine.LOCAL,
-    ) -> None:
-        self._data, self._targets = data, targets
-        self._lookup, self._source = lookup, source
-        self._library, self._config, self._console = library, config, console
-        self._engine = engine
+    Attributes:
+        dataset: the images.
+        targets: objects to look for, also those of other images.
+        images: scene and image ids to estimate.
+        detections: source of the objects' places.
+        library: the objects.
+        config: settings of the estimate.
+        surface_height: z of the support surface in the world, m; found if None.
+        engine: where the work is done.
+        overlays: folder for pictures, if any are wanted.
+        trace: folder for files about the searches, if any are wanted.
+    """
 
-    def run(
-        self,
-        images: Sequence[ImageId],
-        writer: ResultsWriter,
-        surface_height: float | None,
-        overlays: Path | None,
-        trace: Path | None,
-    ) -> None:
-        """Estimates those images that `writer` has not got yet."""
-        todo = [image for image in images if image not in writer.done]
-        tally = _Tally()
-        draw = _Drawer(self._library)
-        with (
-            Steps(self._console, "image", len(images)) as steps,
-            self._said_when_interrupted(writer),
-            make_estimator(self._engine, self._library, self._config) as estimator,
+    dataset: BopDataset
+    targets: Sequence[Target]
+    images: Sequence[ImageId]
+    detections: DetectionSource
+    library: ObjectLibrary
+    config: EstimationConfig
+    surface_height: float | None = None
+    engine: Engine = Engine.LOCAL
+    overlays: Path | None = None
+    trace: Path | None = None
+
+    def matched(self, image: ImageId) -> list[Detection]:
+        """The detections of an image's targets."""
+        source = self.detections
+        return match_detections(self.targets, image, source.look_up(image), source.name)
+
+
+def run_estimate(job: EstimateJob, writer: ResultsWriter, console: Console) -> None:
+    """Estimates the images that `writer` does not have yet, and tells how it goes.
+
+    Raises:
+        InputError: if an image cannot be used or a file cannot be written; what was
+            done before is kept.
+    """
+    todo = [image for image in job.images if image not in writer.done]
+    tally = _Tally()
+    draw = _Drawer(job.library)
+    with (
+        Steps(console, "image", len(job.images)) as steps,
+        _said_when_interrupted(writer),
+        make_estimator(job.engine, job.library, job.config) as estimator,
+    ):
+        steps.begin(len(job.images) - len(todo), "loading (compiles at first use)")
+        for result in estimate_images(
+            job.dataset, todo, job.matched, estimator, job.surface_height
         ):
-            steps.begin(len(images) - len(todo), "loading (compiles at first use)")
-            for result in estimate_images(
-                self._data,
-                todo,
-                lambda image: match_detections(
-                    self._targets, image, self._lookup(image), self._source
-                ),
-                estimator,
-                surface_height,
-            ):
-                if overlays is not None:
-                    draw(result, overlays)
-                if trace is not None:
-                    result.write_trace(trace)
-                # Last, so that --resume makes up for pictures that were cut off.
-                writer.write_image(*result.image, result.rows(), result.seconds)
-                tally.add(result)
-                self._tell(result)
-                _log.info("%s: seconds by stage: %s", *_stages(result))
-                steps.advance()
-        self._summarise(tally, len(images), writer.path)
+            if job.overlays is not None:
+                draw(result, job.overlays)
+            if job.trace is not None:
+                result.write_trace(job.trace)
+            # Last, so that --resume makes up for pictures that were cut off.
+            writer.write_image(*result.image, result.rows(), result.seconds)
+            tally.add(result)
+            _tell(console, result, job.targets)
+            _log.info("%s: seconds by stage: %s", *_stages(result))
+            steps.advance()
+    console.print(_summary(tally, len(job.images), writer.path), **_PLAIN)
 
-    def _tell(self, result: ImageResult) -> None:
-        """A table of the image on a terminal; elsewhere only what is not found."""
-        if self._console.is_terminal:
-            self._console.print(_table(result))
-        estimate = result.estimate
-        if estimate.warning:
-            self._console.print(
-                f"{_name(result.image)}: warning: {estimate.warning}",
-                markup=False,
-                soft_wrap=True,
-            )
-        for item in estimate.objects:
-            if not item.found:
-                self._console.print(
-                    f"{_name(result.image)} {item.name}: not found: "
-                    f"{estimate.reason_alone(item)}",
-                    markup=False,
-                    soft_wrap=True,
-                )
-        for target in self._targets:
-            given = [
-                o for o in result.estimate.objects if o.object_id == target.object_id
-            ]
-            of_image = (target.scene_id, target.im_id) == result.image
-            if of_image and len(given) < target.count:
-                self._console.print(
-                    f"{_name(result.image)} {given[0].name}: {target.count} are "
-                    f"targets, {len(given)} detected",
-                    markup=False,
-                    soft_wrap=True,
-                )
 
-    def _summarise(self, tally: _Tally, total: int, path: Path) -> None:
-        if not tally.images:
-            self._console.print(f"all {total} images were done: {path}", markup=False)
-            return
-        self._console.print(
-            f"{tally.images} images, {tally.found} of {tally.objects} objects found, "
-            f"{tally.seconds / tally.images:.1f} s an image: {path}",
-            markup=False,
-            soft_wrap=True,
+def _tell(console: Console, result: ImageResult, targets: Sequence[Target]) -> None:
+    """A table of the image on a terminal; elsewhere only what is not found."""
+    if console.is_terminal:
+        console.print(_table(result))
+    for line in _remarks(result, targets):
+        console.print(f"{_name(result.image)}{line}", **_PLAIN)
+
+
+def _remarks(result: ImageResult, targets: Sequence[Target]) -> Iterator[str]:
+    """What is to be said of an image: a warning, and what was not found or detected."""
+    estimate = result.estimate
+    if estimate.warning:
+        yield f": warning: {estimate.warning}"
+    for item in estimate.objects:
+        if not item.found:
+            yield f" {item.name}: not found: {estimate.reason_alone(item)}"
+    for target in targets:
+        if (target.scene_id, target.im_id) != result.image:
+            continue
+        given = [o for o in estimate.objects if o.object_id == target.object_id]
+        if len(given) < target.count:
+            yield f" {given[0].name}: {target.count} are targets, {len(given)} detected"
+
+
+def _summary(tally: _Tally, total: int, path: Path) -> str:
+    if not tally.images:
+        return f"all {total} images were done: {path}"
+    return (
+        f"{counted(tally.images, 'image')}, {tally.found} of "
+        f"{counted(tally.objects, 'object')} found, "
+        f"{tally.seconds / tally.images:.1f} s an image: {path}"
+    )
+
+
+@contextmanager
+def _said_when_interrupted(writer: ResultsWriter) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        done = len(writer.done)
+        verb = "is" if done == 1 else "are"
+        say_interrupted(
+            f"{counted(done, 'image')} {verb} in {writer.path}; --resume goes on"
         )
-
-    @contextmanager
-    def _said_when_interrupted(self, writer: ResultsWriter) -> Iterator[None]:
-        try:
-            yield
-        except KeyboardInterrupt:
-            say_interrupted(
-                f"{len(writer.done)} images are in {writer.path}; --resume goes on"
-            )
-            raise
+        raise
 
 
 class _Drawer:
-    """Writes overlays; keeps one renderer a camera at hand."""
+    """Writes overlays; keeps the renderer while the camera stays the same."""
 
     def __init__(self, library: ObjectLibrary) -> None:
         self._library = library

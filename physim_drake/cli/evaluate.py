@@ -10,13 +10,14 @@ import typer
 
 from physim_drake.cli.options import (
     DatasetModels,
+    JsonFile,
     LogLevel,
-    LogLevelName,
     Quiet,
     Split,
-    messages,
-    write_json,
+    TrueDataset,
+    Vsd,
 )
+from physim_drake.cli.output import LogLevelName, counted, messages, output_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,30 +35,11 @@ def evaluate(
             show_default=False,
         ),
     ],
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            help="Dataset in BOP layout, with ground truth.", show_default=False
-        ),
-    ],
-    json_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--json",
-            metavar="FILE",
-            help="Also write the errors of every target to FILE, as JSON; - prints "
-            "JSON instead.",
-        ),
-    ] = None,
+    dataset: TrueDataset,
+    json_file: JsonFile = None,
     models: DatasetModels = None,
     split: Split = "test",
-    vsd: Annotated[
-        bool,
-        typer.Option(
-            help="Whether to compute VSD, too, which takes longer: every pose is "
-            "rendered."
-        ),
-    ] = True,
+    vsd: Vsd = True,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -68,7 +50,7 @@ def evaluate(
     angle, mean and median distance; the fraction within 5 degrees and 1 cm, and with an
     ADD-S below a tenth of the diameter; the average recalls (AR) of the BOP challenge.
     Errors are the smallest over an object's symmetries; a target that was not found
-    counts 90 degrees and 20 cm.
+    counts as 90 degrees and 20 cm. `--json` has the errors of every target.
 
     Example: `physim-drake evaluate results.csv datasets/apc11 --json report.json`
     """
@@ -96,7 +78,7 @@ def evaluate(
             (lambda intrinsics: DepthRenderer(library, intrinsics)) if vsd else None,
             steps.reach,
         )
-    if json_file is not None and write_json(json_file, report.as_dict()):
+    if json_file is not None and output_json(json_file, report.as_dict()):
         return
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -161,10 +143,10 @@ def _cells(summary: Summary) -> list[str]:
 
 def _footer(report: EvaluationReport) -> str:
     if report.time_per_image is None:
-        text = f"{report.images} images, no times given"
+        text = f"{counted(report.images, 'image')}, no times given"
     else:
         text = f"{report.time_per_image:.2f} s an image"
-        text += f" ({report.timed_images} of {report.images} images)"
+        text += f" ({report.timed_images} of {counted(report.images, 'image')})"
     if report.unused_rows:
-        text += f"; {report.unused_rows} rows belong to no target"
+        text += f"; {counted(report.unused_rows, 'row')} without a target"
     return text

@@ -9,28 +9,28 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import (
+    Dataset,
     DatasetModels,
+    Detections,
     Expansions,
     Hypotheses,
     LogLevel,
-    LogLevelName,
     Masks,
     Quiet,
     Seed,
     Split,
-    messages,
+    Surface,
+    Targets,
+    Workers,
     surface_height,
 )
+from physim_drake.cli.output import LogLevelName, messages
 from physim_drake.extras import need_extra
+from physim_drake.parallel.cores import default_workers
 
 
 def explain(
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            help="Dataset in BOP layout, as for estimate.", show_default=False
-        ),
-    ],
+    dataset: Dataset,
     image: Annotated[
         str,
         typer.Option(
@@ -49,41 +49,13 @@ def explain(
     ],
     split: Split = "test",
     models: DatasetModels = None,
-    detections: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Where the objects are, as for estimate; by default "
-            "DATASET/detections.json.",
-        ),
-    ] = None,
+    detections: Detections = None,
     masks: Masks = False,
-    targets: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Which objects to look for; by default "
-            "DATASET/test_targets_bop19.json, else the ground truth's.",
-        ),
-    ] = None,
-    surface: Annotated[
-        str,
-        typer.Option(
-            metavar="auto|Z_METRES",
-            help="Height of the support surface in the world, in metres; auto finds "
-            "the surface in the image.",
-        ),
-    ] = "auto",
+    targets: Targets = None,
+    surface: Surface = "auto",
     expansions: Expansions = 250,
     hypotheses: Hypotheses = 25,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Number of processes; by default one for each core, up to 4.",
-        ),
-    ] = None,
+    workers: Workers = None,
     seed: Seed = 0,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
@@ -103,7 +75,6 @@ def explain(
 
     from physim_drake.batch.image_names import choose_images
     from physim_drake.cli.detections import detection_source
-    from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
     from physim_drake.datasets.bop import BopDataset
     from physim_drake.estimation.estimator import EstimationConfig

@@ -4,40 +4,30 @@
 from __future__ import annotations
 
 import re
-from enum import StrEnum
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from physim_drake.cli.options import (
-    Container,
     ContainerOption,
     EngineOption,
     LibraryFolder,
     LogLevel,
-    LogLevelName,
+    NewDataset,
     Quiet,
+    SceneViews,
     Seed,
-    messages,
 )
+from physim_drake.cli.output import LogLevelName, counted, messages
 from physim_drake.errors import InputError
 from physim_drake.models import APC11
+from physim_drake.objects.container_name import ContainerName
 from physim_drake.parallel.engine import Engine
-
-
-class Camera(StrEnum):
-    """Names of `CameraName`, which costs too much to import here."""
-
-    D415 = "d415"
-    D435 = "d435"
-    SR300 = "sr300"
+from physim_drake.sensors.camera_name import CameraName
 
 
 def generate(
-    out: Annotated[
-        Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
-    ],
+    out: NewDataset,
     scenes: Annotated[int, typer.Option(min=1, help="Number of scenes.")] = 10,
     seed: Seed = 0,
     levels: Annotated[
@@ -53,21 +43,19 @@ def generate(
         str, typer.Option(metavar="MIN:MAX", help="Fewest and most objects of a scene.")
     ] = "2:4",
     models: LibraryFolder = APC11,
-    views: Annotated[
-        int, typer.Option(min=1, help="Images of each scene, from different sides.")
-    ] = 1,
+    views: SceneViews = 1,
     workers: Annotated[
         int,
         typer.Option(min=1, help="Number of processes; the files do not depend on it."),
     ] = 1,
     camera: Annotated[
-        Camera,
+        CameraName,
         typer.Option(help="The camera whose intrinsics and errors are simulated."),
-    ] = Camera.D415,
+    ] = CameraName.D415,
     noise: Annotated[
         bool, typer.Option(help="Whether the camera makes errors, as a real one does.")
     ] = True,
-    container: ContainerOption = Container.TABLE,
+    container: ContainerOption = ContainerName.TABLE,
     min_visible: Annotated[
         float,
         typer.Option(
@@ -100,23 +88,19 @@ def generate(
     fewest, most = _range(objects)
 
     from physim_drake.cli.progress import Steps
-    from physim_drake.objects.containers import ContainerName
     from physim_drake.objects.model import ObjectLibrary
     from physim_drake.scenes.dataset import generate_dataset
     from physim_drake.scenes.recording import DatasetConfig
     from physim_drake.scenes.views import ViewConfig
-    from physim_drake.sensors.presets import CameraName
 
     config = DatasetConfig(
         seed=seed,
         levels=level_numbers,
         min_objects=fewest,
         max_objects=most,
-        container=ContainerName(container),
+        container=container,
         views=views,
-        view=ViewConfig(
-            camera=CameraName(camera), noise=noise, min_visible=min_visible
-        ),
+        view=ViewConfig(camera=camera, noise=noise, min_visible=min_visible),
     )
     library = ObjectLibrary.load(models)
     with Steps(messages(quiet), "scene", scenes) as steps:
@@ -126,7 +110,8 @@ def generate(
             (steps.reach if steps.begun else steps.begin)(done)
 
         generate_dataset(out, library, config, scenes, workers, resume, tell, engine)
-    typer.echo(f"{scenes * views} images of {scenes} scenes in {out}")
+    images = counted(scenes * views, "image")
+    typer.echo(f"{images} of {counted(scenes, 'scene')} in {out}")
 
 
 def _levels(text: str) -> tuple[int, ...]:

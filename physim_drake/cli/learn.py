@@ -9,21 +9,23 @@ from typing import Annotated
 import typer
 
 from physim_drake.cli.options import (
+    LeastScore,
     LogLevel,
-    LogLevelName,
     NetworkWeights,
+    NewDataset,
     Quiet,
     Seed,
-    messages,
+    Threads,
+    Workers,
 )
+from physim_drake.cli.output import LogLevelName, counted, messages
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
+from physim_drake.parallel.cores import default_workers
 
 
 def learn(
-    out: Annotated[
-        Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
-    ],
+    out: NewDataset,
     weights: NetworkWeights = DETECTOR,
     scenario: Annotated[
         Path | None,
@@ -47,27 +49,9 @@ def learn(
     views: Annotated[
         int, typer.Option(min=2, help="Number of views of each scene.")
     ] = 5,
-    least_score: Annotated[
-        float,
-        typer.Option(
-            min=0.0, max=1.0, help="Detections of a lower score are not used."
-        ),
-    ] = 0.3,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Number of processes that estimate; by default one for each core, up "
-            "to 4.",
-        ),
-    ] = None,
-    threads: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Number of CPU threads of the network; by default one for each core.",
-        ),
-    ] = None,
+    least_score: LeastScore = 0.3,
+    workers: Workers = None,
+    threads: Threads = None,
     seed: Seed = 0,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
@@ -83,7 +67,6 @@ def learn(
     """
     need_extra("train")
 
-    from physim_drake.cli.estimate import default_workers
     from physim_drake.cli.progress import Steps
     from physim_drake.detection.detector import NetworkDetector
     from physim_drake.observation.detection_selection import ChoiceConfig
@@ -123,6 +106,7 @@ def learn(
         )
         figures = explore_scenes(explorer, algorithm, out, scenes, show)
     typer.echo(
-        f"{out}: {figures['images']} images with {figures['labels']} labels, "
+        f"{out}: {counted(figures['images'], 'image')} with "
+        f"{counted(figures['labels'], 'label')}, "
         f"{figures['missed']} of objects that the detector had missed"
     )

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from physim_drake.cli.options import (
+    JsonFile,
     LogLevel,
-    LogLevelName,
     Quiet,
-    messages,
-    write_json,
 )
+from physim_drake.cli.output import LogLevelName, messages, output_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -52,17 +51,11 @@ def check(
     folder: Annotated[
         Path,
         typer.Argument(
-            help="Folder of a library.yaml, a BOP models folder, or a folder of meshes."
+            help="Folder of a library.yaml, BOP models folder, or folder of meshes.",
+            show_default=False,
         ),
     ],
-    json_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--json",
-            metavar="FILE",
-            help="Also write what is shown to FILE, as JSON; - prints JSON instead.",
-        ),
-    ] = None,
+    json_file: JsonFile = None,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -82,7 +75,7 @@ def check(
             steps.advance()
     if json_file is not None:
         facts = [asdict(item) for item in reports]
-        if write_json(json_file, facts):
+        if output_json(json_file, facts):
             return
     console = Console()
     console.print(_table(reports, str(folder)))

@@ -1,22 +1,47 @@
 # SPDX-License-Identifier: MIT
-"""Options that commands share, and what their values mean."""
+"""Arguments and options that commands share.
+
+An option without a default value of its own says in `show_default` what is done then.
+"""
 
 from __future__ import annotations
 
-import logging
 import math
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
+from physim_drake.cli.output import LogLevelName, set_log_level
 from physim_drake.errors import InputError
+from physim_drake.objects.container_name import ContainerName
+from physim_drake.parallel.cores import MAX_DEFAULT_WORKERS
 from physim_drake.parallel.engine import Engine
-from physim_drake.parallel.log_levels import LogLevels
 
-if TYPE_CHECKING:
-    from rich.console import Console
+# Data.
+
+Dataset = Annotated[
+    Path,
+    typer.Argument(
+        help="Dataset in BOP layout: DATASET/SPLIT/SCENE/{rgb,depth,"
+        "scene_camera.json}. Depth times depth_scale is in millimetres.",
+        show_default=False,
+    ),
+]
+"""Of commands that read images."""
+
+TrueDataset = Annotated[
+    Path,
+    typer.Argument(
+        help="Dataset in BOP layout, with ground truth.", show_default=False
+    ),
+]
+"""Of commands that judge poses."""
+
+NewDataset = Annotated[
+    Path, typer.Argument(help="Folder of the new dataset.", show_default=False)
+]
+"""Of commands that make images."""
 
 Split = Annotated[str, typer.Option(help="Folder of the images, below DATASET.")]
 """Of commands that read a dataset."""
@@ -24,7 +49,9 @@ Split = Annotated[str, typer.Option(help="Folder of the images, below DATASET.")
 DatasetModels = Annotated[
     Path | None,
     typer.Option(
-        metavar="DIR", help="Folder of the object models; by default DATASET/models."
+        metavar="DIR",
+        help="Folder of the object models.",
+        show_default="DATASET/models",
     ),
 ]
 """Of commands that read a dataset and need its objects."""
@@ -37,19 +64,39 @@ LibraryFolder = Annotated[
 ]
 """Of commands that need no dataset; `APC11` by default."""
 
-
-class Container(StrEnum):
-    """Names of `ContainerName`, which costs too much to import here."""
-
-    TABLE = "table"
-    TOTE = "tote"
-    SHELF = "shelf"
-
-
-ContainerOption = Annotated[
-    Container, typer.Option("--container", help="What the objects stand on or in.")
+Targets = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="File that says which objects to look for in which image.",
+        show_default="test_targets_bop19.json of DATASET, else its ground truth",
+    ),
 ]
-"""Of commands that generate scenes."""
+"""Of commands that estimate poses in a dataset."""
+
+JsonFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Also write all results to FILE, as JSON; - prints JSON and nothing else.",
+    ),
+]
+"""Of commands that print a table: `output_json` keeps to it."""
+
+# Detections.
+
+Detections = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="File that says where the objects are, in BOP's JSON format: boxes as "
+        "left, top, width, height in pixels, or masks.",
+        show_default="detections.json of DATASET, else what the network of the "
+        "package detects",
+    ),
+]
+"""Of commands that estimate poses in a dataset."""
 
 Masks = Annotated[
     bool,
@@ -58,6 +105,35 @@ Masks = Annotated[
     ),
 ]
 """Of commands that estimate poses in a dataset."""
+
+NetworkWeights = Annotated[
+    Path,
+    typer.Option(
+        "--weights",
+        metavar="FILE",
+        help="Weights of the network; physim-drake train writes them.",
+        show_default="those of apc11",
+    ),
+]
+"""Of commands that cannot do without a network; `DETECTOR` by default."""
+
+LeastScore = Annotated[
+    float,
+    typer.Option(min=0.0, max=1.0, help="Detections of a lower score are dropped."),
+]
+"""Of commands that detect."""
+
+# Estimates.
+
+Surface = Annotated[
+    str,
+    typer.Option(
+        metavar="auto|Z_METRES",
+        help="Height of the support surface in the world, in metres; auto finds the "
+        "surface in each image.",
+    ),
+]
+"""Of commands that estimate poses; `surface_height` reads it."""
 
 Expansions = Annotated[
     int,
@@ -75,19 +151,63 @@ Hypotheses = Annotated[
 ]
 """Of commands that search."""
 
-NetworkWeights = Annotated[
-    Path,
+Plain = Annotated[
+    bool,
     typer.Option(
-        "--weights",
-        metavar="FILE",
-        help="Weights of the network; physim-drake train writes them.",
-        show_default="those of apc11",
+        "--plain",
+        help="Search as the paper does: make all expansions, however little they gain, "
+        "and search only once.",
     ),
 ]
-"""Of commands that cannot do without a network; `DETECTOR` by default."""
+"""Of commands that search."""
+
+Vsd = Annotated[
+    bool,
+    typer.Option(
+        "--vsd/--no-vsd",
+        help="Whether to compute VSD as well, which takes long: every pose is "
+        "rendered.",
+    ),
+]
+"""Of commands that judge poses."""
+
+# Scenes.
+
+SceneViews = Annotated[
+    int, typer.Option(min=1, help="Number of images of each scene, from all sides.")
+]
+"""Of commands that generate scenes."""
+
+ContainerOption = Annotated[
+    ContainerName, typer.Option("--container", help="What the objects stand on or in.")
+]
+"""Of commands that generate scenes."""
+
+# How a command works.
 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random choices.")]
 """Of commands that choose at random."""
+
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        help="Number of worker processes. The results do not depend on it.",
+        show_default=f"one for each core, at most {MAX_DEFAULT_WORKERS}",
+    ),
+]
+"""Of commands that use several processes; `default_workers()` by default."""
+
+Threads = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Number of CPU threads of the network.",
+        show_default="one for each core",
+    ),
+]
+"""Of commands that run a network."""
 
 EngineOption = Annotated[
     Engine,
@@ -99,43 +219,19 @@ EngineOption = Annotated[
 ]
 """Of commands whose work can be divided."""
 
-Plain = Annotated[
+Resume = Annotated[
     bool,
     typer.Option(
-        "--plain",
-        help="Search as the paper does: make all expansions, however little they gain, "
-        "and search only once.",
+        "--resume", help="Go on with an earlier run: keep all that it finished."
     ),
 ]
-"""Of commands that search."""
+"""Of commands whose runs can be cut off."""
 
 Quiet = Annotated[
     bool,
     typer.Option("--quiet", "-q", help="Show no progress, only results and errors."),
 ]
 """Of commands that take long: `messages(quiet)` keeps to it."""
-
-
-class LogLevelName(StrEnum):
-    """How much of what goes on within is told."""
-
-    DEBUG = "debug"
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
-def set_log_level(name: LogLevelName) -> LogLevelName:
-    """Lets loggers, Drake's among them, write to stderr, here and in workers."""
-    level = getattr(logging, name.upper())
-    # Drake's warnings are about models that we ship and know.
-    known = name is LogLevelName.WARNING
-    # Its first import, whenever that is, sets the level of its own logger.
-    import pydrake.common  # noqa: F401
-
-    LogLevels({"": level, "drake": logging.ERROR if known else level}).apply()
-    return name
-
 
 LogLevel = Annotated[
     LogLevelName,
@@ -148,40 +244,11 @@ LogLevel = Annotated[
 """Of commands that take long; its callback does all, so that none needs the value."""
 
 
-def messages(quiet: bool) -> Console:
-    """Where commands say how far they are: stderr, or nowhere."""
-    from rich.console import Console
-
-    return Console(stderr=True, highlight=False, quiet=quiet)
-
-
-def write_json(path: Path, value: Any) -> bool:
-    """Writes a value to a file, or for `-` to stdout, which is then all of the output.
-
-    Returns:
-        whether it went to stdout.
-
-    Raises:
-        InputError: where the file cannot be written.
-    """
-    import json
-
-    from physim_drake.storage.files import write_atomically
-
-    text = json.dumps(value, indent=1, allow_nan=False)
-    if str(path) == "-":
-        typer.echo(text)
-        return True
-    with write_atomically(path) as file:
-        file.write(f"{text}\n")
-    return False
-
-
 def surface_height(text: str) -> float | None:
     """The height that `--surface auto|Z_METRES` gives, m, or None for auto.
 
     Raises:
-        InputError: where it is neither.
+        InputError: if it is neither.
     """
     if text == "auto":
         return None

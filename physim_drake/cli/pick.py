@@ -3,21 +3,21 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from physim_drake.cli.options import (
+    JsonFile,
     LogLevel,
-    LogLevelName,
     Quiet,
-    messages,
-    write_json,
+    Resume,
 )
+from physim_drake.cli.output import LogLevelName, messages, output_json
 from physim_drake.errors import InputError
 from physim_drake.extras import need_extra
+from physim_drake.picking.detector_name import DetectorName
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,13 +29,6 @@ if TYPE_CHECKING:
 
 PROGRESS_FILE = "pick.progress"
 """Keeps the episodes that are done, in the report's folder."""
-
-
-class Detector(StrEnum):
-    """Names of `DetectorName`, which costs too much to import here."""
-
-    NETWORK = "network"
-    ORACLE = "oracle"
 
 
 def pick(
@@ -52,7 +45,7 @@ def pick(
         int, typer.Option(min=1, help="Number of episodes, each with other objects.")
     ] = 1,
     detector: Annotated[
-        Detector | None,
+        DetectorName | None,
         typer.Option(
             help="What finds the objects in the images: a trained network, or an "
             "oracle that knows where they are.",
@@ -85,15 +78,7 @@ def pick(
         Path | None,
         typer.Option(metavar="DIR", help="Folder for a report with replays."),
     ] = None,
-    json_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--json",
-            metavar="FILE",
-            help="Write all figures as JSON to FILE; - prints them instead of the "
-            "table.",
-        ),
-    ] = None,
+    json_file: JsonFile = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -102,14 +87,7 @@ def pick(
             show_default="the scenario's",
         ),
     ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume",
-            help="Go on with the episodes that an earlier run kept with --record or "
-            "--json.",
-        ),
-    ] = False,
+    resume: Resume = False,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
 ) -> None:
@@ -131,7 +109,7 @@ def pick(
     if record is not None:
         need_extra("viz")
 
-    from physim_drake.cli.pick_run import PickRun, replay_name
+    from physim_drake.cli.pick_run import PickJob, replay_name, run_episodes
     from physim_drake.episodes.notes import EpisodeNotes, scenario_settings
     from physim_drake.episodes.result import summary
     from physim_drake.episodes.runner import local_meshcat
@@ -153,14 +131,14 @@ def pick(
         else ProgressFile(kept, scenario_settings(loaded), record or kept)
     ) as progress:
         notes = EpisodeNotes(progress, progress.go_on(resume) if progress else ())
-        run = PickRun(loaded, scenario, notes, record, shown)
-        results = run.run(episodes, messages(quiet))
+        job = PickJob(loaded, scenario, episodes, record, shown)
+        results = run_episodes(job, notes, messages(quiet))
     if record is not None:
         from physim_drake.reporting.episodes_page import write_episodes_report
 
         replays = [replay_name(result.episode) for result in results]
         write_episodes_report(results, replays, str(loaded.random_seed), record)
-    if json_file is None or not write_json(json_file, summary(results)):
+    if json_file is None or not output_json(json_file, summary(results)):
         _print(results)
 
 
@@ -196,15 +174,13 @@ def _with_options(
 
 
 def _choose_detector(
-    scenario: PickScenario, detector: Detector | None, weights: Path | None
+    scenario: PickScenario, detector: DetectorName | None, weights: Path | None
 ) -> PickScenario:
     from dataclasses import replace
 
-    from physim_drake.picking.scenario import DetectorName
-
     look = scenario.look
     if detector is not None:
-        look = replace(look, detector=DetectorName(detector))
+        look = replace(look, detector=detector)
     if weights is not None:
         if look.detector is DetectorName.ORACLE:
             raise InputError(

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context
 from rich.console import Console
 
+from physim_drake.cli.output import counted
 from physim_drake.cli.progress import Steps
 from physim_drake.episodes.notes import EpisodeNotes
 from physim_drake.episodes.result import EpisodeResult
@@ -22,81 +24,92 @@ from physim_drake.storage.files import write_atomically
 from physim_drake.systems.pick_cell import PickCell, PickCellParts
 
 
-class PickRun:
-    """One call of the command.
+@dataclass(frozen=True)
+class PickJob:
+    """What one call of the command runs.
 
-    Args:
-        scenario: what happens in the episodes.
-        source: the scenario's file.
-        notes: the episodes that are done.
-        record: where replays go, if anywhere.
-        meshcat: where the episodes are shown; must be where there are replays.
+    Attributes:
+        scenario: cell, objects and task of the episodes.
+        source: file of the scenario, as errors name it.
+        episodes: number of episodes.
+        record: folder for replays, if any are wanted.
+        meshcat: viewer of the episodes; replays need one.
     """
 
-    def __init__(
-        self,
-        scenario: PickScenario,
-        source: Path,
-        notes: EpisodeNotes,
-        record: Path | None = None,
-        meshcat: Meshcat | None = None,
-    ) -> None:
-        self._scenario, self._source, self._notes = scenario, source, notes
-        self._record, self._meshcat = record, meshcat
+    scenario: PickScenario
+    source: Path
+    episodes: int
+    record: Path | None = None
+    meshcat: Meshcat | None = None
 
-    def run(self, count: int, console: Console) -> list[EpisodeResult]:
-        """Runs those of so many episodes that are not done; returns all of them.
 
-        Raises:
-            InputError: where the scenario cannot work, or files cannot be written.
-        """
-        todo = [number for number in range(count) if not self._is_done(number)]
-        with Steps(console, "episode", count) as steps:
-            steps.begin(count - len(todo))
-            if todo:
-                with self._said_of_the_scenario():
-                    parts = PickCellParts(meshcat=self._meshcat)
-                    runner = EpisodeRunner(self._scenario, parts)
-                with runner:
-                    for done, number in enumerate(todo, count - len(todo)):
-                        self._run(runner, number, count, steps, done)
-        return [self._notes.results[number] for number in range(count)]
+def run_episodes(
+    job: PickJob, notes: EpisodeNotes, console: Console
+) -> list[EpisodeResult]:
+    """Runs those episodes that are not done; returns the results of all of them.
 
-    def _is_done(self, number: int) -> bool:
-        """Whether there is everything that is kept of an episode."""
-        replay = self._record is None or (self._record / replay_name(number)).exists()
-        return replay and number in self._notes.results
+    Args:
+        job: the episodes.
+        notes: results of the episodes that are done, which those run now join.
+        console: output for how far it is.
 
-    def _run(
-        self, runner: EpisodeRunner, number: int, count: int, steps: Steps, done: int
-    ) -> None:
-        """One episode; how far it is, then a line about it."""
+    Raises:
+        InputError: if the scenario cannot work, or files cannot be written.
+    """
+    todo = [n for n in range(job.episodes) if not _is_done(job, notes, n)]
+    with Steps(console, "episode", job.episodes) as steps:
+        steps.begin(job.episodes - len(todo))
+        if todo:
+            with _said_of(job.source):
+                runner = EpisodeRunner(job.scenario, PickCellParts(meshcat=job.meshcat))
+            with runner:
+                for done, number in enumerate(todo, job.episodes - len(todo)):
+                    result = _run_episode(job, runner, number, steps, done)
+                    # Last, so that --resume makes up for a replay that was cut off.
+                    notes.add(result)
+                    steps.say(_summary(result, job.episodes))
+                    steps.reach(done + 1)
+    return [notes.results[number] for number in range(job.episodes)]
 
-        def show(cell: PickCell, context: Context) -> None:
-            phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
-            steps.reach(done, f"{context.get_time():.1f} s, {phase}")
 
-        with self._said_of_the_scenario():
-            result = runner.run(number, show)
-        if self._meshcat is not None and self._record is not None:
-            with write_atomically(self._record / replay_name(number)) as file:
-                file.write(replay_page(self._meshcat))
-        # Last, so that --resume makes up for a replay that was cut off.
-        self._notes.add(result)
-        steps.say(
-            f"episode {number + 1} of {count}: {result.cleared} of "
-            f"{len(result.objects)} objects cleared, {result.simulated:.0f} s "
-            f"simulated in {result.wall:.0f} s; {result.end}"
-        )
-        steps.reach(done + 1)
+def _is_done(job: PickJob, notes: EpisodeNotes, number: int) -> bool:
+    """Whether there is everything that is kept of an episode."""
+    replay = job.record is None or (job.record / replay_name(number)).exists()
+    return replay and number in notes.results
 
-    @contextmanager
-    def _said_of_the_scenario(self) -> Iterator[None]:
-        """Says of the scenario's file what is wrong with what it asks for."""
-        try:
-            yield
-        except InputError as error:
-            raise error.about(self._source) from error
+
+def _run_episode(
+    job: PickJob, runner: EpisodeRunner, number: int, steps: Steps, done: int
+) -> EpisodeResult:
+    """Runs one episode, shows how far it is and writes its replay."""
+
+    def show(cell: PickCell, context: Context) -> None:
+        phase = cell.task.task_state(cell.task.GetMyContextFromRoot(context)).phase
+        steps.reach(done, f"{context.get_time():.1f} s, {phase}")
+
+    with _said_of(job.source):
+        result = runner.run(number, show)
+    if job.meshcat is not None and job.record is not None:
+        with write_atomically(job.record / replay_name(number)) as file:
+            file.write(replay_page(job.meshcat))
+    return result
+
+
+def _summary(result: EpisodeResult, episodes: int) -> str:
+    return (
+        f"episode {result.episode + 1} of {episodes}: {result.cleared} of "
+        f"{counted(len(result.objects), 'object')} cleared, "
+        f"{result.simulated:.0f} s simulated in {result.wall:.0f} s; {result.end}"
+    )
+
+
+@contextmanager
+def _said_of(source: Path) -> Iterator[None]:
+    """Says of the scenario's file what is wrong with what it asks for."""
+    try:
+        yield
+    except InputError as error:
+        raise error.about(source) from error
 
 
 def replay_name(number: int) -> str:

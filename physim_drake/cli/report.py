@@ -12,26 +12,32 @@ import typer
 
 from physim_drake.cli.options import (
     DatasetModels,
+    Detections,
     EngineOption,
     Expansions,
     Hypotheses,
     LogLevel,
-    LogLevelName,
     Masks,
     Plain,
     Quiet,
+    Resume,
     Seed,
     Split,
-    messages,
+    TrueDataset,
+    Vsd,
+    Workers,
 )
+from physim_drake.cli.output import LogLevelName, messages
 from physim_drake.errors import InputError
+from physim_drake.estimation.method import Method
 from physim_drake.extras import need_extra
+from physim_drake.parallel.cores import default_workers
 from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from physim_drake.estimation.estimator import EstimationConfig, Method
+    from physim_drake.estimation.config import EstimationConfig
     from physim_drake.reporting.detector_loss import DetectorLoss
     from physim_drake.reporting.study import HypothesisQuality, MethodRun, Study
     from physim_drake.reporting.study_notes import StudyNotes
@@ -39,17 +45,11 @@ if TYPE_CHECKING:
 PROGRESS_FILE = "report.progress"
 """Keeps what is found, in the report's folder."""
 
-_FCN = "fcn-pca-icp"
-_METHODS = f"physim-mcts,physim-heuristic,super4pcs-icp,pca-icp,{_FCN}"
+_METHODS = ",".join(Method)
 
 
 def report(
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            help="Dataset in BOP layout, with ground truth.", show_default=False
-        ),
-    ],
+    dataset: TrueDataset,
     out: Annotated[
         Path,
         typer.Option(metavar="DIR", help="Folder for the report.", show_default=False),
@@ -62,14 +62,7 @@ def report(
     ] = _METHODS,
     split: Split = "test",
     models: DatasetModels = None,
-    detections: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Where the objects are, as for estimate; by default "
-            "DATASET/detections.json.",
-        ),
-    ] = None,
+    detections: Detections = None,
     masks: Masks = False,
     detector: Annotated[
         bool,
@@ -90,26 +83,10 @@ def report(
     expansions: Expansions = 250,
     plain: Plain = False,
     hypotheses: Hypotheses = 25,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Number of processes; by default one for each core, up to 4."
-        ),
-    ] = None,
+    workers: Workers = None,
     seed: Seed = 0,
-    vsd: Annotated[
-        bool,
-        typer.Option(
-            help="Whether to compute VSD, too, which takes long: every pose is "
-            "rendered."
-        ),
-    ] = False,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume", help="Go on with an earlier run: keep what it finished."
-        ),
-    ] = False,
+    vsd: Vsd = False,
+    resume: Resume = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
@@ -233,13 +210,13 @@ def _plan(
     plan, notes = [], []
     for method in methods:
         own = study
-        if method == _FCN:
+        if method is Method.FCN_PCA_ICP:
             try:
                 found = DetectionSource.network(study.dataset, weights, pixels=True)
             except InputError as error:
                 if not by_default or weights is not None:
                     raise
-                notes.append(f"{_FCN} is missing: {error}")
+                notes.append(f"{method} is missing: {error}")
                 continue
             own = replace(study, look_up=found.look_up, source=found.name)
         plan.append(_Item(method, own, str(method)))
@@ -247,7 +224,7 @@ def _plan(
         searching = next((m for m in methods if m.searches), None)
         if searching is None:
             raise InputError(
-                "--detector", "needs a method that searches", "name physim-mcts, too"
+                "--detector", "needs a method that searches", "add physim-mcts"
             )
         found = DetectionSource.network(study.dataset, weights)
         own = replace(study, look_up=found.look_up, source=found.name)
@@ -256,24 +233,20 @@ def _plan(
 
 
 def _read_methods(text: str) -> list[Method]:
-    from physim_drake.estimation.estimator import Method
-
     names = list(dict.fromkeys(n.strip() for n in text.split(",") if n.strip()))
+    remedy = f"choose from {', '.join(Method)}"
     for name in names:
         if name not in set(Method):
-            raise InputError(
-                "--methods", f"{name!r} is none", f"choose from {', '.join(Method)}"
-            )
+            raise InputError("--methods", f"{name!r} is not a method", remedy)
     if not names:
-        raise InputError("--methods", "names none", f"choose from {', '.join(Method)}")
+        raise InputError("--methods", "names no method", remedy)
     return [Method(name) for name in names]
 
 
 def _config(
     seed: int, plain: bool, workers: int | None, expansions: int, hypotheses: int
 ) -> EstimationConfig:
-    from physim_drake.cli.estimate import default_workers
-    from physim_drake.estimation.estimator import EstimationConfig
+    from physim_drake.estimation.config import EstimationConfig
 
     config = EstimationConfig.paper() if plain else EstimationConfig()
     config = config.with_budget(expansions, hypotheses)

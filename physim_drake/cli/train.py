@@ -11,47 +11,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from physim_drake.cli.options import (
-    Container,
     ContainerOption,
     EngineOption,
     LibraryFolder,
     LogLevel,
-    LogLevelName,
     Quiet,
+    Resume,
+    SceneViews,
     Seed,
-    messages,
+    Threads,
+    Workers,
 )
+from physim_drake.cli.output import LogLevelName, messages
 from physim_drake.cli.progress import Steps
 from physim_drake.closing import Closing
+from physim_drake.detection.networks.config import BackboneName, NetworkKind
+from physim_drake.detection.networks.device_name import DeviceName
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11
+from physim_drake.objects.container_name import ContainerName
+from physim_drake.parallel.cores import default_workers
 from physim_drake.parallel.engine import Engine
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-
-class Network(StrEnum):
-    """Names of `NetworkKind`, which costs too much to import here."""
-
-    FASTER_RCNN = "faster-rcnn"
-    FCN = "fcn"
-
-
-class Backbone(StrEnum):
-    """Names of `BackboneName`."""
-
-    RESIDUAL = "residual"
-    VGG16 = "vgg16"
-
-
-class Device(StrEnum):
-    """Names of `DeviceName`."""
-
-    AUTO = "auto"
-    CPU = "cpu"
-    CUDA = "cuda"
-    MPS = "mps"
 
 
 class Precision(StrEnum):
@@ -71,9 +54,7 @@ def train(
     scenes: Annotated[
         int, typer.Option(min=1, help="Number of scenes to generate and learn from.")
     ] = 500,
-    views: Annotated[
-        int, typer.Option(min=1, help="Images of each scene, from different sides.")
-    ] = 8,
+    views: SceneViews = 8,
     test_images: Annotated[
         int, typer.Option(min=1, help="Number of images of other scenes to test on.")
     ] = 200,
@@ -100,15 +81,15 @@ def train(
         ),
     ] = 0.2,
     network: Annotated[
-        Network,
+        NetworkKind,
         typer.Option(
             help="faster-rcnn finds objects with boxes and masks; fcn tells the class "
             "of each pixel."
         ),
-    ] = Network.FASTER_RCNN,
+    ] = NetworkKind.FASTER_RCNN,
     backbone: Annotated[
-        Backbone, typer.Option(help="The network's part that computes features.")
-    ] = Backbone.RESIDUAL,
+        BackboneName, typer.Option(help="The network's part that computes features.")
+    ] = BackboneName.RESIDUAL,
     image_size: Annotated[
         int,
         typer.Option(
@@ -145,26 +126,13 @@ def train(
             "it does better on images unlike those that it learnt from.",
         ),
     ] = 0.0,
-    container: ContainerOption = Container.TABLE,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Number of processes that generate scenes; by default one for each "
-            "core, up to 4. The scenes do not depend on it.",
-        ),
-    ] = None,
-    threads: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Number of CPU threads that train; by default one for each core.",
-        ),
-    ] = None,
+    container: ContainerOption = ContainerName.TABLE,
+    workers: Workers = None,
+    threads: Threads = None,
     device: Annotated[
-        Device,
+        DeviceName,
         typer.Option(help="The device to train on; auto takes a GPU if there is one."),
-    ] = Device.AUTO,
+    ] = DeviceName.AUTO,
     precision: Annotated[
         Precision,
         typer.Option(
@@ -179,12 +147,7 @@ def train(
         ),
     ] = 200,
     seed: Seed = 0,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume", help="Go on with an earlier run where it was cut off."
-        ),
-    ] = False,
+    resume: Resume = False,
     engine: EngineOption = Engine.LOCAL,
     quiet: Quiet = False,
     log_level: LogLevel = LogLevelName.WARNING,
@@ -205,31 +168,26 @@ def train(
 
     import torch
 
-    from physim_drake.cli.estimate import default_workers
-    from physim_drake.detection.networks.config import (
-        BackboneName,
-        NetworkConfig,
-        NetworkKind,
-    )
-    from physim_drake.detection.networks.devices import DeviceName, choose_device
+    from physim_drake.detection.networks.config import NetworkConfig
+    from physim_drake.detection.networks.devices import choose_device
     from physim_drake.detection.training.detector_training import (
         WEIGHTS_FILE,
-        DetectorTraining,
+        DetectorTrainingJob,
         TrainDetectorConfig,
+        train_detector,
     )
     from physim_drake.detection.training.scene_sets import SceneSetConfig
     from physim_drake.detection.training.trainer import TrainingConfig
-    from physim_drake.objects.containers import ContainerName
     from physim_drake.objects.model import ObjectLibrary
 
-    where = choose_device(DeviceName(device))
+    where = choose_device(device)
     if threads is not None:
         torch.set_num_threads(threads)
     config = TrainDetectorConfig(
-        SceneSetConfig(scenes, views, test_images, ContainerName(container), seed),
+        SceneSetConfig(scenes, views, test_images, container, seed),
         NetworkConfig(
-            kind=NetworkKind(network),
-            backbone=BackboneName(backbone),
+            kind=network,
+            backbone=backbone,
             channels=4 if depth else 3,
             image_size=image_size,
         ),
@@ -250,17 +208,17 @@ def train(
     )
     library = ObjectLibrary.load(models)
     with _Reporter(messages(quiet)) as tell:
-        run = DetectorTraining(
+        job = DetectorTrainingJob(
             out,
             library,
             config,
             workers or default_workers(),
             where,
             resume,
-            tell,
             engine,
+            tell,
         )
-        result = run.run()
+        result = train_detector(job)
     typer.echo(f"{out / WEIGHTS_FILE}: {result}")
 
 

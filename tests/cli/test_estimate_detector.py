@@ -82,7 +82,7 @@ def test_without_detections_the_network_of_the_package_finds_the_objects(
     monkeypatch.setattr(NetworkDetector, "detect", seen)
     out, traces = tmp_path / "r.csv", tmp_path / "traces"
     assert run(*quick(dataset, out), "--images", "1/0", "--trace", traces) == 0
-    assert "1 of 1 objects found" in capsys.readouterr().err
+    assert "1 of 1 object found" in capsys.readouterr().err
     assert [row.object_id for row in read_results(out)] == [BOTTLE]
 
 

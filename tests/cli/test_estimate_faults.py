@@ -174,7 +174,7 @@ EARLY_DEFECTS: dict[str, tuple[Callable[[Path], None], list[str], str]] = {
         "given together with --masks",
     ),
     "image": (lambda root: None, ["--images", "1/9"], "--images: 1/9 has no target"),
-    "name": (lambda root: None, ["--images", "first"], "'first' is no image"),
+    "name": (lambda root: None, ["--images", "first"], "'first' is not an image"),
     "surface": (lambda root: None, ["--surface", "nan"], "--surface: is 'nan'"),
     "NaN": (
         camera(cam_K=[float("nan"), 0, 320, 0, 615, 240, 0, 0, 1]),

@@ -91,7 +91,7 @@ def test_true_poses_are_perfect(
             writer.write_image(*image, rows, time=2.5)
     assert run(monkeypatch, "evaluate", results, dataset.root, "--json", report) == 0
     printed = capsys.readouterr().out
-    assert "2.50 s an image (1 of 1 images)" in printed
+    assert "2.50 s an image (1 of 1 image)" in printed
     overall = json.loads(report.read_text())["overall"]
     assert overall["ar_vsd"] == overall["ar_mssd"] == overall["ar_mspd"] == 1.0
     assert overall["recall_5deg_1cm"] == 1.0

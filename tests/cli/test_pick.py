@@ -181,7 +181,7 @@ def test_a_cell_whose_network_sees_nothing_looks_again(
     path = scenario(tmp_path, NETWORK + "max_duration: 2.0\n")
     assert run(monkeypatch, path) == 0
     assert asked == [(480, 640, 3)]
-    assert "0 of 1 objects cleared" in capfd.readouterr().err
+    assert "0 of 1 object cleared" in capfd.readouterr().err
 
 
 def test_a_file_that_is_missing_is_named(
@@ -207,7 +207,7 @@ def test_figures_report_and_replay(
     assert "episode 1, dove_beauty_bar is left: it was never picked" in " ".join(
         printed.out.split()
     )
-    assert "episode 1 of 1: 0 of 1 objects cleared" in printed.err
+    assert "episode 1 of 1: 0 of 1 object cleared" in printed.err
     values = json.loads(figures.read_text(encoding="utf-8"))
     assert values["objects"] == 1
     assert values["cleared"] == values["picks"] == 0

@@ -203,8 +203,8 @@ def test_other_settings_cannot_resume(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--methods", "magic"], "--methods: 'magic' is none"),
-        (["--methods", ","], "--methods: names none"),
+        (["--methods", "magic"], "--methods: 'magic' is not a method"),
+        (["--methods", ","], "--methods: names no method"),
         (["--methods", "fcn-pca-icp"], "none: cannot be read"),
         (["--methods", "pca-icp", "--detector"], "needs a method that searches"),
     ],

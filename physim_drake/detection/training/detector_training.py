@@ -17,7 +17,12 @@ from physim_drake.detection.accuracy import evaluate_detector
 from physim_drake.detection.average_precision import AveragePrecision
 from physim_drake.detection.detector import NetworkDetector
 from physim_drake.detection.networks.config import NetworkConfig
-from physim_drake.detection.networks.factory import Network, classes_of, make_network
+from physim_drake.detection.networks.factory import (
+    Network,
+    ObjectClass,
+    classes_of,
+    make_network,
+)
 from physim_drake.detection.networks.weights import (
     load_weights,
     mix_weights,
@@ -47,8 +52,8 @@ WEIGHTS_FILE, STATE_FILE, PACKED_FOLDER = (
     "packed",
 )
 
-# Size of packed images by that of the network's, since zooming in needs more.
-_PACKED_SIDE = 8 / 7
+_PACKED_SIDE = 8 / 7  # packed images by those of the network; zooming in needs more
+_CPU = torch.device("cpu")
 _QUICK_TEST = 50  # images of a test on the way
 
 Progress = Callable[[str, int, int, str], None]
@@ -60,15 +65,15 @@ class TrainDetectorConfig:
     """Everything that can be set about training a detector.
 
     Attributes:
-        scenes: scenes to generate.
-        network: network to train.
-        training: course of the training.
-        augmentation: changes of the images.
-        data: datasets with visible masks to learn from, instead of generated scenes.
-            Each counts the same, however large it is.
+        scenes: what is generated.
+        network: what learns.
+        training: how.
+        augmentation: how images are changed.
+        data: datasets with visible masks to learn from, instead of generated scenes;
+            each counts the same, however large it is.
         start: weights to start from, of any objects, instead of random ones.
-        start_share: share of the start's weights that the result keeps (see
-            `mix_weights`). They must be for the same objects.
+        start_share: of the weights it started from that the result keeps; see
+            `mix_weights`. They must be of the same objects.
     """
 
     scenes: SceneSetConfig = field(default_factory=SceneSetConfig)
@@ -96,178 +101,204 @@ class TrainDetectorConfig:
             )
 
 
-class DetectorTraining:
+def _untold(stage: str, done: int, total: int, text: str) -> None:
+    """Progress that no one is told."""
+
+
+@dataclass(frozen=True)
+class DetectorTrainingJob:
     """A training run in a folder.
 
-    Args:
-        out: folder of the run. It is made, and must be empty unless `resume` is set.
-        library: objects to find.
-        config: configuration of the run.
+    Attributes:
+        out: folder of the run; is made, and must be empty without `resume`.
+        library: the objects to find.
+        config: settings of the run.
         workers: number of processes that generate scenes.
-        device: device to train on.
-        resume: whether to continue an earlier run.
-        progress: callback for the progress.
-        engine: engine that generates scenes.
+        device: where the network learns.
+        resume: whether to go on with what an earlier run left.
+        engine: where scenes are generated.
+        progress: function that is told how it goes.
     """
 
-    def __init__(
-        self,
-        out: Path,
-        library: ObjectLibrary,
-        config: TrainDetectorConfig,
-        workers: int = 1,
-        device: torch.device | None = None,
-        resume: bool = False,
-        progress: Progress = lambda stage, done, total, text: None,
-        engine: Engine = Engine.LOCAL,
-    ) -> None:
-        if len(library) == 0:
-            raise InputError(library.source, "holds no object", "give object models")
-        self._out, self._library, self._config = out, library, config
-        self._workers, self._progress, self._engine = workers, progress, engine
-        self._device = torch.device("cpu") if device is None else device
-        self._classes = classes_of(library)
-        make_folder(out)
-        if any(out.iterdir()) and not resume:
-            raise InputError(
-                out, "is not empty", "choose a new folder, or --resume an earlier run"
-            )
+    out: Path
+    library: ObjectLibrary
+    config: TrainDetectorConfig
+    workers: int = 1
+    device: torch.device = _CPU
+    resume: bool = False
+    engine: Engine = Engine.LOCAL
+    progress: Progress = _untold
 
-    def run(self) -> AveragePrecision:
-        """Makes what is missing, trains, and evaluates the result on the test images.
+    @property
+    def classes(self) -> tuple[ObjectClass, ...]:
+        """The objects as the network numbers them, from 1."""
+        return classes_of(self.library)
 
-        Raises:
-            InputError: if settings, files or data cannot be used.
-            PhysimError: if a scene cannot be made.
-        """
-        log = TrainingLog(self._out, self._settings())
-        network = self._network()
-        first, share = self._first_weights(network), self._config.start_share
-        images = self._images(self._data())
-        test = BopDataset(self._generate(test=True))
-        labels = {c.object_id: k for k, c in enumerate(self._classes, start=1)}
-        size = _sample_size(images, self._config.network.image_size)
-        augmenter = Augmenter(
-            images, labels, size, self._config.augmentation, self._config.training.seed
-        )
-        cv2.setNumThreads(1)  # torch has the cores
-        trainer = Trainer(
-            network,
-            augmenter,
-            self._config.training,
-            self._device,
-            self._out / STATE_FILE,
-            log,
-        )
-        trainer.run(
-            lambda weights: save_weights(
-                self._out / WEIGHTS_FILE,
-                mix_weights(weights, first, share) if share else weights,
-                self._config.network,
-                self._classes,
-            ),
-            lambda averaged, step: self._test(averaged, test, step, log),
-            lambda step, losses: self._tell(step, losses, log),
-        )
-        result, _ = evaluate_detector(
-            NetworkDetector.load(self._out / WEIGHTS_FILE), test, test.images()
-        )
-        log.tests = [e for e in log.tests if e["step"] < trainer.step]
-        log.add_test(trainer.step, result, len(test.images()))
-        log.write()
-        return result
 
-    def _network(self) -> Network:
-        config = self._config
-        torch.manual_seed(config.training.seed)
-        network = make_network(config.network, len(self._classes))
-        if config.start is not None:
-            start_from(network, config.start)
-        return network
+def train_detector(job: DetectorTrainingJob) -> AveragePrecision:
+    """Makes what is missing, trains, and judges the result on the test images.
 
-    def _first_weights(self, network: Network) -> dict[str, Tensor]:
-        """The weights that the result keeps a share of, empty if it keeps none."""
-        start = self._config.start
-        if start is None or not self._config.start_share:
-            return {}
-        if load_weights(start).classes != self._classes:
-            raise InputError(
-                start,
-                "are weights for other objects, so that no share of them can be kept",
-                "start from weights for these objects, or keep no share",
-            )
-        return {k: v.clone() for k, v in network.state_dict().items()}
+    Raises:
+        InputError: if settings, files or data cannot be used.
+        PhysimError: if a scene cannot be made.
+    """
+    _check(job)
+    log = TrainingLog(job.out, _settings(job))
+    network = _network(job)
+    first, share = _first_weights(job, network), job.config.start_share
+    images = _images(job, _data(job))
+    test = BopDataset(_generate(job, test=True))
+    labels = {c.object_id: k for k, c in enumerate(job.classes, start=1)}
+    size = _sample_size(images, job.config.network.image_size)
+    augmenter = Augmenter(
+        images, labels, size, job.config.augmentation, job.config.training.seed
+    )
+    cv2.setNumThreads(1)  # torch has the cores
+    trainer = Trainer(
+        network,
+        augmenter,
+        job.config.training,
+        job.device,
+        job.out / STATE_FILE,
+        log,
+    )
+    trainer.run(
+        lambda weights: save_weights(
+            job.out / WEIGHTS_FILE,
+            mix_weights(weights, first, share) if share else weights,
+            job.config.network,
+            job.classes,
+        ),
+        lambda averaged, step: _test(job, averaged, test, step, log),
+        lambda step, losses: _tell(job, step, losses, log),
+    )
+    result, _ = evaluate_detector(
+        NetworkDetector.load(job.out / WEIGHTS_FILE), test, test.images()
+    )
+    log.tests = [e for e in log.tests if e["step"] < trainer.step]
+    log.add_test(trainer.step, result, len(test.images()))
+    log.write()
+    return result
 
-    def _data(self) -> list[BopDataset]:
-        if not self._config.data:
-            return [BopDataset(self._generate(test=False))]
-        return [BopDataset(path) for path in self._config.data]
 
-    def _images(self, data: list[BopDataset]) -> TrainingImages | MixedImages:
-        folder = self._out / PACKED_FOLDER
-        if len(data) == 1:
-            return self._pack(data[0], folder)
-        packed = [self._pack(d, folder / str(n)) for n, d in enumerate(data, start=1)]
-        return MixedImages(packed)
-
-    def _generate(self, *, test: bool) -> Path:
-        scenes = self._config.scenes
-        total = scenes.test_scenes if test else scenes.scenes
-        stage = "test scenes" if test else "scenes"
-        root = generate_scene_set(
-            self._out,
-            self._library,
-            scenes,
-            self._workers,
-            lambda done: self._progress(stage, done, total, ""),
-            test=test,
-            engine=self._engine,
-        )
-        gc.collect()  # renderers hold contexts of the graphics library
-        return root
-
-    def _pack(self, data: BopDataset, folder: Path) -> TrainingImages:
-        total = len(data.images())
-        return pack_images(
-            data,
-            folder,
-            round(self._config.network.image_size * _PACKED_SIDE),
-            self._config.network.channels == 4,
-            lambda done: self._progress("packed images", done, total, ""),
-            {c.object_id for c in self._classes},
+def _check(job: DetectorTrainingJob) -> None:
+    """Makes the folder; refuses one that holds something else, and an empty library."""
+    if len(job.library) == 0:
+        raise InputError(job.library.source, "holds no object", "give object models")
+    make_folder(job.out)
+    if any(job.out.iterdir()) and not job.resume:
+        raise InputError(
+            job.out, "is not empty", "choose a new folder, or --resume an earlier run"
         )
 
-    def _test(
-        self, network: nn.Module, test: BopDataset, step: int, log: TrainingLog
-    ) -> None:
-        images = test.images()[:_QUICK_TEST]
-        channels = self._config.network.channels
-        detector = NetworkDetector(
-            network, self._classes, channels, device=self._device
-        )
-        result, _ = evaluate_detector(detector, test, images)
-        log.add_test(step, result, len(images))
-        self._progress("test", step, self._config.training.steps, str(result))
 
-    def _tell(self, step: int, losses: dict[str, float], log: TrainingLog) -> None:
-        text = " ".join(
-            f"{name.removeprefix('loss_')} {value:.3f}"
-            for name, value in losses.items()
-        )
-        self._progress("steps", step, self._config.training.steps, text)
+def _network(job: DetectorTrainingJob) -> Network:
+    config = job.config
+    torch.manual_seed(config.training.seed)
+    network = make_network(config.network, len(job.classes))
+    if config.start is not None:
+        start_from(network, config.start)
+    return network
 
-    def _settings(self) -> dict[str, object]:
-        config = self._config
-        return {
-            "classes": [asdict(c) for c in self._classes],
-            "network": config.network.as_dict(),
-            "training": asdict(config.training),
-            "augmentation": asdict(config.augmentation),
-            "scenes": asdict(config.scenes),
-            "data": [str(path.resolve()) for path in config.data] or None,
-            "start": None if config.start is None else str(config.start.resolve()),
-            "start_share": config.start_share,
-        }
+
+def _first_weights(job: DetectorTrainingJob, network: Network) -> dict[str, Tensor]:
+    """The weights that the result keeps a share of; empty where it keeps none."""
+    start = job.config.start
+    if start is None or not job.config.start_share:
+        return {}
+    if load_weights(start).classes != job.classes:
+        raise InputError(
+            start,
+            "are weights for other objects, so that no share of them can be kept",
+            "start from weights for these objects, or keep no share",
+        )
+    return {k: v.clone() for k, v in network.state_dict().items()}
+
+
+def _data(job: DetectorTrainingJob) -> list[BopDataset]:
+    if not job.config.data:
+        return [BopDataset(_generate(job, test=False))]
+    return [BopDataset(path) for path in job.config.data]
+
+
+def _images(
+    job: DetectorTrainingJob, data: list[BopDataset]
+) -> TrainingImages | MixedImages:
+    folder = job.out / PACKED_FOLDER
+    if len(data) == 1:
+        return _pack(job, data[0], folder)
+    packed = [_pack(job, d, folder / str(n)) for n, d in enumerate(data, start=1)]
+    return MixedImages(packed)
+
+
+def _generate(job: DetectorTrainingJob, *, test: bool) -> Path:
+    scenes = job.config.scenes
+    total = scenes.test_scenes if test else scenes.scenes
+    stage = "test scenes" if test else "scenes"
+    root = generate_scene_set(
+        job.out,
+        job.library,
+        scenes,
+        job.workers,
+        lambda done: job.progress(stage, done, total, ""),
+        test=test,
+        engine=job.engine,
+    )
+    gc.collect()  # renderers hold contexts of the graphics library
+    return root
+
+
+def _pack(job: DetectorTrainingJob, data: BopDataset, folder: Path) -> TrainingImages:
+    total = len(data.images())
+    return pack_images(
+        data,
+        folder,
+        round(job.config.network.image_size * _PACKED_SIDE),
+        job.config.network.channels == 4,
+        lambda done: job.progress("packed images", done, total, ""),
+        {c.object_id for c in job.classes},
+    )
+
+
+def _test(
+    job: DetectorTrainingJob,
+    network: nn.Module,
+    test: BopDataset,
+    step: int,
+    log: TrainingLog,
+) -> None:
+    images = test.images()[:_QUICK_TEST]
+    channels = job.config.network.channels
+    detector = NetworkDetector(network, job.classes, channels, device=job.device)
+    result, _ = evaluate_detector(detector, test, images)
+    log.add_test(step, result, len(images))
+    job.progress("test", step, job.config.training.steps, str(result))
+
+
+def _tell(
+    job: DetectorTrainingJob,
+    step: int,
+    losses: dict[str, float],
+    log: TrainingLog,
+) -> None:
+    text = " ".join(
+        f"{name.removeprefix('loss_')} {value:.3f}" for name, value in losses.items()
+    )
+    job.progress("steps", step, job.config.training.steps, text)
+
+
+def _settings(job: DetectorTrainingJob) -> dict[str, object]:
+    config = job.config
+    return {
+        "classes": [asdict(c) for c in job.classes],
+        "network": config.network.as_dict(),
+        "training": asdict(config.training),
+        "augmentation": asdict(config.augmentation),
+        "scenes": asdict(config.scenes),
+        "data": [str(path.resolve()) for path in config.data] or None,
+        "start": None if config.start is None else str(config.start.resolve()),
+        "start_share": config.start_share,
+    }
 
 
 def _sample_size(
