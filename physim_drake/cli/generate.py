@@ -40,7 +40,12 @@ def generate(
         ),
     ] = "1,2,3",
     objects: Annotated[
-        str, typer.Option(metavar="MIN:MAX", help="Fewest and most objects of a scene.")
+        str,
+        typer.Option(
+            metavar="MIN:MAX",
+            help="Fewest and most objects of a scene. A scene shows an object twice "
+            "only if it has all of them.",
+        ),
     ] = "2:4",
     models: LibraryFolder = APC11,
     views: SceneViews = 1,

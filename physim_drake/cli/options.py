@@ -174,7 +174,8 @@ Vsd = Annotated[
 # Scenes.
 
 SceneViews = Annotated[
-    int, typer.Option(min=1, help="Number of images of each scene, from all sides.")
+    int,
+    typer.Option(min=1, help="Number of images of each scene, from different sides."),
 ]
 """Of commands that generate scenes."""
 
