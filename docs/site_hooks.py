@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What MkDocs does not do by itself for the documentation site.
+"""Hooks of MkDocs for the documentation site.
 
 The README is the front page, and CHANGELOG.md and CONTRIBUTING.md are pages, so that
 each exists once. Files of the repository that a page links to become pages. Formulas
@@ -64,7 +64,7 @@ def on_page_markdown(
     uri = page.file.src_uri
 
     def mended(match: re.Match[str]) -> str:
-        """The link, to where the file stands on the site."""
+        """The link, to the page of the file on the site."""
         start, link, anchor, end = match.groups()
         path = _path(_origin(uri), link)
         if path in _PAGES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The extras of the package: what works only where more is installed than the base."""
+"""The extras of the package: what needs more than the base installation."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Extra:
     """Packages that only some commands need.
 
     Attributes:
-        packages: by the names that they are imported by.
-        purpose: what they are for.
+        packages: names that they are imported by.
+        purpose: use of the extra, as messages name it.
     """
 
     packages: tuple[str, ...]
@@ -38,10 +38,10 @@ EXTRAS: Mapping[str, Extra] = {
 
 
 def need_extra(name: str) -> None:
-    """Says how to get an extra where it is not installed; else it is imported.
+    """Imports an extra, or says how to install it.
 
     Args:
-        name: one of `EXTRAS`.
+        name: key of `EXTRAS`.
 
     Raises:
         InputError: naming the package that is missing.
@@ -58,5 +58,5 @@ def need_extra(name: str) -> None:
 
 
 def install_command(*names: str) -> str:
-    """What installs some extras."""
+    """The command that installs some extras."""
     return f"pip install 'physim-drake[{','.join(names)}]'"

@@ -80,8 +80,8 @@ def main() -> None:
     """Runs the program.
 
     An error that a user can cause is one line, with exit status 2, and so is a file
-    that fails where none was expected to; Ctrl-C and SIGTERM stop it with one line,
-    too, and exit status 130 or 143.
+    that unexpectedly fails. Ctrl-C and SIGTERM also stop it with one line, and with
+    exit status 130 or 143.
     """
     with Interrupts(next(iter(sys.argv[1:]), "")) as interrupts:
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`physim-drake doctor`: whether this installation works, and what to do where not."""
+"""`physim-drake doctor`: whether this installation works, and what to do if not."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def doctor(
 ) -> None:
     """Check the installation: rendering, physics, processes, models and the rest.
 
-    Each check prints one line: ok, warning (works, though not as well as it might) or
-    FAIL, and below it what to do. What is checked is done for real: a scene is
-    rendered, a box is dropped, processes are started. It takes ten to twenty seconds.
+    Each check prints one line: ok, warning (works, but not as well as it might) or
+    FAIL, and below it what to do. The checks are real: a scene is rendered, a box is
+    dropped, processes are started. They take ten to twenty seconds.
 
-    Exit status: 0 where nothing fails, else 1.
+    Exit status: 0 if nothing fails, else 1.
 
     Example: `physim-drake doctor --json`
     """
     from physim_drake.cli.progress import Steps
     from physim_drake.doctor.checks import CHECKS, Status, check_installation
 
-    # Elsewhere than on a terminal, the lines themselves tell how far it is.
+    # If this is not a terminal, the lines themselves tell how far it is.
     quiet = as_json or not sys.stdout.isatty()
     checks = []
     with Steps(Console(stderr=True, quiet=quiet), "check", CHECKS) as steps:

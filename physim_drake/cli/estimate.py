@@ -140,13 +140,13 @@ def estimate(
 
     The poses of an image are consistent with each other and with the surface that the
     objects rest on. An object that has too few points, or whose pose the image does not
-    confirm, is reported as not found; none is placed at random. The score of a pose is
-    its confidence, from 0 to 1: the share of what is seen of the model that the depth
-    image confirms to 1 cm, times the share of the object's segment that the estimate
-    explains, divided among poses that explain the image about as well.
+    confirm, is reported as not found. The score of a pose is its confidence, from 0 to
+    1: the share of what is seen of the model that the depth image confirms to 1 cm,
+    times the share of the object's segment that the estimate explains, divided among
+    poses that explain the image about as well.
 
-    Results are written image by image: what is done is kept after an error or Ctrl-C,
-    and `--resume` goes on from there.
+    Results are written image by image. After an error or Ctrl-C the images that are
+    done are kept, and `--resume` goes on from there.
 
     Try, for example:
 

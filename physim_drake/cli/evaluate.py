@@ -31,7 +31,7 @@ def evaluate(
     results: Annotated[
         Path,
         typer.Argument(
-            help="Poses in BOP's results format (CSV), as estimate writes them.",
+            help="File of poses in BOP's results format (CSV), as estimate writes it.",
             show_default=False,
         ),
     ],

@@ -66,7 +66,7 @@ def explain(
     surface, the segments, the hypotheses and their scores, which object is placed
     before which, the search, and for each object how far the image confirms it, or why
     it was not found.
-    Where the true poses are known, it says at which stage an error arose. The same
+    If the true poses are known, it says at which stage an error arose. The same
     options give the poses that `estimate` gives.
 
     Example: `physim-drake explain datasets/lab --image 1/3 --out explained`

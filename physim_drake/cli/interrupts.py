@@ -2,8 +2,8 @@
 """How commands stop at Ctrl-C and SIGTERM: soon, with one line, keeping what is done.
 
 Both raise `KeyboardInterrupt` where the program is, so that files are closed, worker
-processes ended and temporary folders removed on the way out. Where that takes longer
-than `PATIENCE`, as in the midst of a long computation, the program ends there and then:
+processes ended and temporary folders removed on the way out. If that takes longer than
+`PATIENCE`, as in the midst of a long computation, the program ends there and then:
 every file is written so that this does no harm, and worker processes end with it.
 """
 

@@ -58,9 +58,9 @@ def learn(
 ) -> None:
     """Look at scenes with the robot's camera, and label what the detector missed.
 
-    The simulated robot looks at each scene from several sides. Poses that two views or
-    more agree on are certain; drawn into all views, they are labels, also where the
-    detector saw nothing. OUT gets the labelled views, in BOP layout, for
+    The simulated robot looks at each scene from several sides. Poses that two or more
+    views agree on are certain. Drawn into all views, they label what the detector
+    missed. OUT gets the labelled views, in BOP layout, for
     `train --data OUT --start WEIGHTS`.
 
     Example: `physim-drake learn out/learnt --conditions examples/lighting/dim.yaml`

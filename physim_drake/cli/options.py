@@ -139,15 +139,17 @@ Expansions = Annotated[
     int,
     typer.Option(
         min=1,
-        help="Budget of the search: the states that it tries for each group of "
-        "objects.",
+        help="Budget of the search: the number of states that it tries for each group "
+        "of objects.",
     ),
 ]
 """Of commands that search."""
 
 Hypotheses = Annotated[
     int,
-    typer.Option(min=1, help="Poses of each object that the search chooses from."),
+    typer.Option(
+        min=1, help="Number of poses of each object that the search chooses from."
+    ),
 ]
 """Of commands that search."""
 
@@ -214,8 +216,8 @@ EngineOption = Annotated[
     Engine,
     typer.Option(
         "--engine",
-        help="Where the work is done: local is this machine, ray the Ray cluster that "
-        "the variable RAY_ADDRESS names. The results are the same.",
+        help="Where the work is done: local is this machine, ray is the Ray cluster "
+        "that the variable RAY_ADDRESS names. The results are the same.",
     ),
 ]
 """Of commands whose work can be divided."""
@@ -242,7 +244,7 @@ LogLevel = Annotated[
         help="Show messages from within, Drake's included, from this severity on.",
     ),
 ]
-"""Of commands that take long; its callback does all, so that none needs the value."""
+"""Of commands that take long; its callback does all, so that the value is unused."""
 
 
 def surface_height(text: str) -> float | None:

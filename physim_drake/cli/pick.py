@@ -99,8 +99,8 @@ def pick(
     estimates; picks an hour; simulated time over wall time. With the same seed, all but
     the wall times come out the same.
 
-    Each episode is kept at once in `DIR/pick.progress`, or in `FILE.progress` where
-    only `--json` is given: a run that was cut off goes on with `--resume`.
+    Each episode is kept at once in `DIR/pick.progress`, or in `FILE.progress` if only
+    `--json` is given: a run that was cut off goes on with `--resume`.
 
     Example: `physim-drake pick examples/scenarios/clutter.yaml --episodes 10 --seed 0`
     """
@@ -145,7 +145,7 @@ def pick(
 def _progress_path(
     record: Path | None, json_file: Path | None, resume: bool
 ) -> Path | None:
-    """Where episodes are kept: beside what is written at the end."""
+    """The file that keeps episodes, beside what is written at the end."""
     from physim_drake.storage.files import is_written_straight
 
     if record is not None:

@@ -19,7 +19,7 @@ from rich.progress import (
 from physim_drake.closing import Closing
 
 LINE_EVERY = 30.0
-"""Between lines where there is no terminal, s."""
+"""Time between lines if there is no terminal, s."""
 
 
 class Steps(Closing):
@@ -31,10 +31,10 @@ class Steps(Closing):
         begun: whether `begin` was called.
 
     Args:
-        console: where it tells; one that is quiet hears nothing.
-        unit: what a step is, as in "image".
-        total: how many steps there are.
-        clock: seconds.
+        console: output; a quiet one shows nothing.
+        unit: name of a step, as in "image".
+        total: number of steps.
+        clock: function that gives the time, s.
     """
 
     def __init__(

@@ -68,7 +68,7 @@ def report(
         bool,
         typer.Option(
             "--detector",
-            help="Also run the first method that searches on what a network detects, "
+            help="Also run the first method that searches on a network's detections, "
             "and show how much accuracy that costs.",
         ),
     ] = False,
@@ -101,9 +101,9 @@ def report(
     What is found in an image is kept at once, in `report.progress`: a run that was cut
     off goes on with `--resume` and writes the same report.
 
-    The method fcn-pca-icp takes its segments from a network. Where the weights that
-    come with the package know other objects and no others are given, the report says so
-    and does without it.
+    The method fcn-pca-icp takes its segments from a network. If the weights that come
+    with the package are for other objects, and you give no others, the report says so
+    and leaves the method out.
 
     Example: `physim-drake report datasets/apc11 --out report --methods physim-mcts`
     """
@@ -156,7 +156,7 @@ class _Item:
     name: str
 
     def described(self, source: str) -> str:
-        """Its name, and its detections where they are not those of `source`."""
+        """Its name, and its detections if they are not those of `source`."""
         own = self.study.source
         return self.name if own == source else f"{self.name} with {own}"
 

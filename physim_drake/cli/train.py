@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class Precision(StrEnum):
-    """Of the products while the network learns."""
+    """Precision of the products while the network learns."""
 
     AUTO = "auto"
     FLOAT32 = "float32"
@@ -60,7 +60,8 @@ def train(
     ] = 200,
     steps: Annotated[int, typer.Option(min=1, help="Number of training steps.")] = 4500,
     batch: Annotated[
-        int, typer.Option(min=1, help="Images that each training step learns from.")
+        int,
+        typer.Option(min=1, help="Number of images that a training step learns from."),
     ] = 8,
     learning_rate: Annotated[
         float,
@@ -143,7 +144,7 @@ def train(
         int,
         typer.Option(
             min=1,
-            help="Save every so many steps: no more are lost when the run is cut off.",
+            help="Number of steps between saves: no more are lost if the run is cut off.",
         ),
     ] = 200,
     seed: Seed = 0,
@@ -180,7 +181,7 @@ def train(
     from physim_drake.detection.training.trainer import TrainingConfig
     from physim_drake.objects.model import ObjectLibrary
 
-    where = choose_device(device)
+    chosen = choose_device(device)
     if threads is not None:
         torch.set_num_threads(threads)
     config = TrainDetectorConfig(
@@ -200,7 +201,7 @@ def train(
             save_every=save_every,
             test_every=max(steps // 8, 1),
             seed=seed,
-            bfloat16=_bfloat16(precision, where),
+            bfloat16=_bfloat16(precision, chosen),
         ),
         data=tuple(data or ()),
         start=start,
@@ -213,7 +214,7 @@ def train(
             library,
             config,
             workers or default_workers(),
-            where,
+            chosen,
             resume,
             engine,
             tell,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where work is done."""
+"""The machines that do the work."""
 
 from __future__ import annotations
 

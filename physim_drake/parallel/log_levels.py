@@ -20,8 +20,8 @@ class LogLevels:
     """What the loggers of a process tell.
 
     Attributes:
-        levels: by the name of the logger; the root's is empty.
-        shown: whether what they tell is written to stderr.
+        levels: level by the name of the logger; the root's name is empty.
+        shown: whether messages are written to stderr.
     """
 
     levels: Mapping[str, int]
@@ -45,7 +45,7 @@ def telling_as_here(make: Callable[[], T]) -> Callable[[], T]:
     """Makes the same in another process, whose loggers then tell what those here do.
 
     Args:
-        make: to be called there; must be picklable, and what is returned is, too.
+        make: function to call there. It must be picklable; what is returned also is.
     """
     return partial(_make, LogLevels.current(), make)
 

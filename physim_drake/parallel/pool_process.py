@@ -39,15 +39,15 @@ class PoolProcess(Generic[Call]):
     """One process of a pool, seen from the pool.
 
     Args:
-        make: what gives its object, pickled.
-        time_limit: how long it may take to answer a call, s.
-        start_limit: how much longer it may take to answer the first one, s.
+        make: function that gives its object, pickled.
+        time_limit: time that it may take to answer a call, s.
+        start_limit: time that it may take in addition to answer the first one, s.
 
     Attributes:
-        link: to it.
-        call: that it is on.
-        waited: how long for its answer so far, s.
-        limit: how long it may take, s.
+        link: connection to it.
+        call: the call that it works on, if any.
+        waited: time that its answer has taken so far, s.
+        limit: time that its answer may take, s.
         late: whether it was ended because it took too long.
     """
 
@@ -56,8 +56,8 @@ class PoolProcess(Generic[Call]):
         self.link, theirs = context.Pipe()
         self._time_limit = time_limit
         self._set_limit(time_limit + start_limit)
-        # Where the thread that makes the pool may end before it, the kernel must not
-        # take that for the end of this process.
+        # If the thread that makes the pool may end before it, the kernel must not take
+        # that for the end of this process.
         lasting = threading.current_thread() is threading.main_thread()
         self._process = context.Process(
             target=serve, args=(theirs, lasting), daemon=True
@@ -72,20 +72,20 @@ class PoolProcess(Generic[Call]):
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process id."""
         return self._process.pid or 0
 
     def is_alive(self) -> bool:
-        """Whether it runs."""
+        """Whether the process runs."""
         return self._process.is_alive()
 
     def give(self, call: Call, data: bytes, setup: bytes | None) -> None:
         """Sends a call, and before it the setup unless it has been.
 
         Args:
-            call: what to call it.
+            call: what the caller knows it by.
             data: method and arguments, pickled.
-            setup: likewise.
+            setup: method and arguments of the setup, pickled.
         """
         self.call, self.waited = call, 0.0
         if setup is not None and setup is not self._setup:
@@ -94,7 +94,7 @@ class PoolProcess(Generic[Call]):
         self._send(CALL, data)
 
     def receive(self) -> Reply | None:
-        """The reply to the call; None where the process is dead."""
+        """The reply to the call; None if the process is dead."""
         try:
             reply: Reply = self.link.recv()
         except (EOFError, OSError):
@@ -114,7 +114,7 @@ class PoolProcess(Generic[Call]):
         self._process.join()
 
     def autopsy(self) -> str:
-        """How a process ended that answers no more; is sure to have ended then."""
+        """How a process ended that no longer answers; makes sure that it has ended."""
         if not self.late:
             self._process.join(1.0)  # its link breaks a little before its end
         self.kill()
@@ -131,7 +131,7 @@ class PoolProcess(Generic[Call]):
         _limit_waiting(self.link, seconds)
 
     def _send(self, kind: str, data: bytes) -> None:
-        # Where it is dead or does not read, that shows in the reply that is missing.
+        # If it is dead or does not read, its reply will be missing.
         try:
             self.link.send((kind, data))
         except OSError:
@@ -142,7 +142,7 @@ def serve(link: Connection, parent_thread_lasts: bool) -> None:
     """Makes an object and calls its methods, as messages on `link` say.
 
     Args:
-        link: to the pool.
+        link: connection to the pool.
         parent_thread_lasts: whether the thread that started this process lives as long
             as its own process.
     """
@@ -190,9 +190,9 @@ def _pickled(reply: Reply) -> bytes:
 def _end_with_parent(parent_thread_lasts: bool) -> None:
     """Has this process end with the one that started it, however that ends.
 
-    Linux sees to it even where this process is in the midst of a computation, but
-    takes the end of the parent's thread for that of the parent. A thread that waits
-    works everywhere, as soon as the computation lets it run.
+    Linux ends it even in the midst of a computation, but takes the end of the parent's
+    thread for that of the parent. A thread that waits works everywhere, as soon as the
+    computation lets it run.
     """
     if parent_thread_lasts and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
@@ -207,7 +207,7 @@ def _wait_for_parent() -> None:
 
 
 def _limit_waiting(link: Connection, seconds: float) -> None:
-    """Has reads and writes of half a message fail, where the other side has stopped."""
+    """Lets reads and writes of half a message fail if the other side has stopped."""
     limit = struct.pack("ll", int(seconds), int(seconds % 1 * 1e6))
     with suppress(OSError), socket.socket(fileno=socket.dup(link.fileno())) as end:
         end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Calls on the machines of a Ray cluster: those of `SupervisedPool`, further away.
 
-Calls are tasks, not actors: where a machine is lost, its tasks begin anew on those that
+Calls are tasks, not actors: if a machine is lost, its tasks begin anew on those that
 are left, and machines that join take part. Each worker process makes the object that
 is called once and keeps it. https://docs.ray.io/en/latest/ray-core/fault-tolerance.html
 """
@@ -36,11 +36,12 @@ class RayPool(Closing):
     no common files.
 
     Args:
-        make: gives the object; must be picklable.
-        retries: a call whose process or machine died is made again at most so often.
+        make: function that gives the object; must be picklable.
+        retries: number of times that a call is made again if its process or machine
+            died.
 
     Raises:
-        InputError: where Ray is not installed or its cluster cannot be reached.
+        InputError: if Ray is not installed or its cluster cannot be reached.
 
     Use it as a context manager, or call `close`.
     """
@@ -106,7 +107,7 @@ class RayPool(Closing):
             kind, value = pickle.loads(self._ray.get(reference))
         except self._ray.exceptions.RayError as error:
             raise PhysimError(
-                f"Ray gave a call up: {str(error).splitlines()[0]}; see whether "
+                f"Ray gave up a call: {str(error).splitlines()[0]}; check whether "
                 "machines were lost or memory ran out"
             ) from None
         if kind == "error":
@@ -118,8 +119,8 @@ def call_method(key: str, make: bytes, data: bytes) -> bytes:
     """Runs in a worker process: makes the object unless it is there, and calls it.
 
     Args:
-        key: of the object.
-        make: gives it, pickled.
+        key: name of the object.
+        make: function that gives it, pickled.
         data: method and arguments, pickled.
 
     Returns:
@@ -139,7 +140,7 @@ def in_order(results: Iterable[tuple[int, _Result]]) -> Iterator[_Result]:
     """The results by index, each as soon as those before it are there.
 
     Args:
-        results: (index, result) from 0, in any order.
+        results: pairs of index, from 0, and result, in any order.
     """
     waiting: dict[int, _Result] = {}
     following = 0
@@ -167,17 +168,17 @@ def _connect() -> Any:
             raise InputError(
                 "RAY_ADDRESS",
                 f"no Ray cluster answers: {str(error).splitlines()[0]}",
-                "name one that runs, or begin one with `ray start --head`; on this "
-                "machine alone leave --engine out",
+                "name one that runs, or start one with `ray start --head`; to use this "
+                "machine alone, leave --engine out",
             ) from None
     return ray
 
 
 def _knock(address: str) -> None:
-    """Sees in seconds whether anyone listens at HOST:PORT; Ray itself tries for long.
+    """Finds out in seconds whether anyone listens at HOST:PORT; Ray tries for long.
 
     Raises:
-        OSError: where no one does.
+        OSError: if no one does.
     """
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():

@@ -34,12 +34,12 @@ class SupervisionConfig:
     """What is done about processes that die or hang.
 
     Attributes:
-        retries: a call whose process died is made again at most so often.
-        time_limit: a process that answers no call for so long is ended, which counts
-            as a death, s. Far longer than any call takes: the first run of all may
-            compile for a minute, on a computer that has much else to do.
-        start_limit: as much longer may its first answer take, since starting it and
-            making its object come before, s.
+        retries: number of times that a call is made again if its process died.
+        time_limit: time after which a process that does not answer is ended, which
+            counts as a death, s. Far longer than any call takes: the first run of all
+            may compile for a minute, on a computer that has much else to do.
+        start_limit: time that its first answer may take in addition, since starting it
+            and making its object come before, s.
     """
 
     retries: int = 2
@@ -65,11 +65,12 @@ class SupervisedPool(Closing):
     """Some processes that call the methods of one object each.
 
     Args:
-        make: gives the object; is called in each process, so it must be picklable.
-        processes: how many.
-        config: what is done about those that die.
+        make: function that gives the object. It is called in each process, so it must
+            be picklable.
+        processes: number of processes.
+        config: limits, and what is done about processes that die.
 
-    Use it as a context manager, or call `close`. Where this process is killed, the
+    Use it as a context manager, or call `close`. If this process is killed, the
     others end at once. Their loggers tell as much as those of this process when the
     pool is made. Calls of the pool itself are for one thread at a time.
     """
@@ -168,8 +169,8 @@ class SupervisedPool(Closing):
         begun = time.monotonic()
         tick = min(_LOOK, self._config.time_limit / 4)
         ready: list[Any] = wait(list(busy), tick)
-        # More than a tick has passed where this process was stopped, or the computer
-        # slept; the others had no time either.
+        # More than a tick has passed if this process was stopped or the computer slept;
+        # the others had no time either.
         passed = min(time.monotonic() - begun, tick)
         for link, process in busy.items():
             call = process.call
@@ -189,7 +190,7 @@ class SupervisedPool(Closing):
         call.deaths.append(process.autopsy())
         name, times = call.method or "setup", len(call.deaths)
         if times > self._config.retries:
-            hint = "see whether memory runs out, and what they said above"
+            hint = "check whether memory runs out, and what they said above"
             if not call.method:  # a script without that starts them again in each
                 hint += "; a script starts workers below `if __name__ == '__main__':`"
             raise PhysimError(

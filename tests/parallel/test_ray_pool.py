@@ -111,7 +111,7 @@ def test_what_a_call_raises_is_raised_here(cluster: Any, tmp_path: Path) -> None
 def test_a_call_that_ends_its_process_is_given_up(cluster: Any, tmp_path: Path) -> None:
     with (
         RayPool(partial(Workshop, tmp_path), retries=1) as pool,
-        pytest.raises(PhysimError, match="Ray gave a call up"),
+        pytest.raises(PhysimError, match="Ray gave up a call"),
     ):
         list(pool.stream("crash", [(1,)]))
 
