@@ -144,7 +144,7 @@ def train(
         int,
         typer.Option(
             min=1,
-            help="Number of steps between saves: no more are lost if the run is cut off.",
+            help="Number of steps between saves; no more are lost if a run is cut off.",
         ),
     ] = 200,
     seed: Seed = 0,

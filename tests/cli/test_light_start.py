@@ -25,10 +25,6 @@ def heavy_imports(code: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split()[1:])
 
 
-def test_the_package_is_light_to_import() -> None:
-    assert heavy_imports("import physim_drake") == set()
-
-
 @pytest.mark.parametrize(
     "arguments",
     [["--version"], ["--help"], ["estimate", "--help"], ["train", "--help"]],
