@@ -11,11 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from physim_drake.notebook import table_html
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.objects.model_directives import (
+    Directive,
+    Tagged,
+    add_frame,
+    add_model,
+    add_weld,
+    directives_text,
+)
 from physim_drake.objects.sdformat import file_stem, write_drake_model
 from physim_drake.observation.observation import Detection
 from physim_drake.observation.support_surface import SupportSurface
@@ -168,7 +175,7 @@ class SceneEstimate:
             InputError: where the folder cannot be written.
         """
         folder = Path(folder)
-        directives: list[dict[str, Any]] = []
+        directives: list[Directive] = []
         counts: Counter[str] = Counter()
         stems = _file_stems(self.objects)
         for estimate in self.objects:
@@ -184,7 +191,7 @@ class SceneEstimate:
             )
         path = folder / "scene.dmd.yaml"
         with write_atomically(path) as file:
-            yaml.safe_dump({"directives": directives}, file, sort_keys=False)
+            file.write(directives_text(directives))
         return path
 
 
@@ -200,33 +207,12 @@ def _file_stems(objects: Sequence[ObjectEstimate]) -> dict[int, str]:
 
 
 def _welded_model(
-    name: str, sdf: Path, translation: Sequence[float], rpy_deg: Sequence[float]
-) -> list[dict[str, Any]]:
+    name: str, sdf: Path, translation: list[float], rpy_deg: list[float]
+) -> list[Directive]:
     frame = f"{name}_estimate"
+    rotation = Tagged("!Rpy", {"deg": rpy_deg})
     return [
-        {"add_model": {"name": name, "file": f"file://{sdf.resolve()}"}},
-        {
-            "add_frame": {
-                "name": frame,
-                "X_PF": {
-                    "base_frame": "world",
-                    "translation": list(translation),
-                    "rotation": _Tagged(list(rpy_deg)),
-                },
-            }
-        },
-        {"add_weld": {"parent": frame, "child": f"{name}::body"}},
+        add_model(name, f"file://{sdf.resolve()}"),
+        add_frame(frame, {"translation": translation, "rotation": rotation}),
+        add_weld(frame, f"{name}::body"),
     ]
-
-
-class _Tagged:
-    """A rotation in degrees, written with Drake's tag `!Rpy`."""
-
-    def __init__(self, deg: list[float]) -> None:
-        self.deg = deg
-
-
-yaml.SafeDumper.add_representer(
-    _Tagged,
-    lambda dumper, value: dumper.represent_mapping("!Rpy", {"deg": value.deg}),
-)

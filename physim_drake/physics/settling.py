@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -51,11 +52,6 @@ from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, rotation_angle
 
 _PARKED = RigidTransform([0.0, 0.0, -50.0])
-
-# Drake remarks for every plant that the table's half space is none for soft bodies.
-logging.getLogger("drake").addFilter(
-    lambda record: "half spaces are not" not in record.getMessage()
-)
 
 
 @dataclass(frozen=True)
@@ -156,7 +152,8 @@ class Settler:
         ]
         self._plant.Finalize()
         self._diagram = builder.Build()
-        self._simulator = Simulator(self._diagram)
+        with _without_remark_on_half_spaces():
+            self._simulator = Simulator(self._diagram)
         self._root = self._simulator.get_mutable_context()
         self._context = self._plant.GetMyMutableContextFromRoot(self._root)
         self._radius = model.diameter / 2
@@ -209,6 +206,21 @@ class Settler:
         """How far apart two poses are: the farther of shift and turn on the rim, m."""
         turn = float(rotation_angle(X[:3, :3].T @ Y[:3, :3]))
         return max(math.dist(X[:3, 3], Y[:3, 3]), turn * self._radius)
+
+
+@contextmanager
+def _without_remark_on_half_spaces() -> Iterator[None]:
+    """Drake remarks in every context that the table would not touch soft bodies."""
+
+    def wanted(record: logging.LogRecord) -> bool:
+        return "half spaces are not" not in record.getMessage()
+
+    logger = logging.getLogger("drake")
+    logger.addFilter(wanted)
+    try:
+        yield
+    finally:
+        logger.removeFilter(wanted)
 
 
 def _add_body(plant: MultibodyPlant, name: str, model: ObjectModel) -> RigidBody:

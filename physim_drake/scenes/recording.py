@@ -21,7 +21,7 @@ from physim_drake.objects.containers import ContainerName
 from physim_drake.objects.model import ObjectLibrary
 from physim_drake.rendering.appearance import Appearance
 from physim_drake.scenes.config import SceneConfig
-from physim_drake.scenes.directives import directives_text
+from physim_drake.scenes.directives import scene_directives
 from physim_drake.scenes.generation import GeneratedScene, generate_scene
 from physim_drake.scenes.views import (
     NotSeenError,
@@ -140,7 +140,7 @@ def write_scene(
             object_id: f"{MODELS_FOLDER}/{path.parent.name}/{path.name}"
             for object_id, path in model_files.items()
         }
-        text = directives_text(record.scene, uris)
+        text = scene_directives(record.scene, uris)
         (scratch / "scene.dmd.yaml").write_text(text, encoding="utf-8")
         write_json(scratch / FACTS_FILE, _facts(record))
 

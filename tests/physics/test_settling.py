@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import logging
 from functools import cache
 
 import numpy as np
@@ -166,3 +167,16 @@ def test_the_start_is_not_written_to() -> None:
     before = start.copy()
     settler(SOAP).settle(start, {})
     np.testing.assert_array_equal(start, before)
+
+
+def test_drakes_remark_on_half_spaces_is_not_heard_and_others_are(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    drake = logging.getLogger("drake")
+    with caplog.at_level(logging.WARNING, "drake"):
+        before = list(drake.filters)
+        Settler(library()[SOAP], [])
+        assert caplog.messages == []
+        assert drake.filters == before
+        drake.warning("half spaces are not what you think")
+    assert len(caplog.messages) == 1
