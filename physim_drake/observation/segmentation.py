@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.observation.observation import Detection, RgbdObservation, Segment
 from physim_drake.observation.support_surface import SupportSurface, depth_noise
+from physim_drake.observation.voxels import voxel_means
 from physim_drake.poses import Array, transform_points
 
 _VOXEL = 0.003
@@ -54,25 +55,11 @@ def segment_objects(
     segments = []
     for detection in detections:
         mask = detection.pixels(*observed.shape) & (observed > 0)
-        points = _thin(transform_points(surface.X_SC, p_C[mask]))
+        points = voxel_means(transform_points(surface.X_SC, p_C[mask]), _VOXEL)
         points = _without_outliers(points)
         normals = estimate_normals(points, camera_S)
         segments.append(Segment(detection, points, normals, mask))
     return segments
-
-
-def _thin(points: Array) -> Array:
-    """Averages the points (N, 3) within each voxel."""
-    if len(points) == 0:
-        return points
-    cells = np.floor(points / _VOXEL).astype(np.int64)
-    _, inverse, counts = np.unique(
-        cells, axis=0, return_inverse=True, return_counts=True
-    )
-    sums = np.stack(
-        [np.bincount(inverse.ravel(), weights=points[:, a]) for a in range(3)], axis=1
-    )
-    return np.asarray(sums / counts[:, None])
 
 
 def _without_outliers(points: Array) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from physim_drake.camera import DepthImage
 from physim_drake.errors import InputError
 from physim_drake.observation.observation import Detection, Mask, RgbdObservation
+from physim_drake.observation.voxels import first_in_voxels
 from physim_drake.poses import Array, inverse, make_pose, transform_points
 
 _ITERATIONS = 1500
@@ -146,12 +147,9 @@ def _foreground(detection: Detection, depth: DepthImage, valid: Mask) -> Mask:
 
 def _thinned(points: Array, count: int, generator: np.random.Generator) -> Array:
     """One point a voxel, and at most `count` of them."""
-    if len(points) == 0:
-        return points
-    cells = np.floor(points / _VOXEL).astype(int)
-    thinned = points[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
+    thinned = first_in_voxels(points, _VOXEL)
     if len(thinned) <= count:
-        return np.asarray(thinned)
+        return thinned
     return np.asarray(thinned[generator.choice(len(thinned), count, replace=False)])
 
 

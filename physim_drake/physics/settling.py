@@ -18,17 +18,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
-    Convex,
     HalfSpace,
-    InMemoryMesh,
     ProximityProperties,
 )
 from pydrake.math import RigidTransform
@@ -39,16 +36,18 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import (
-    FixedOffsetFrame,
     QuaternionFloatingJoint,
     RigidBody,
     SpatialInertia,
     UnitInertia,
+    default_model_instance,
 )
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from physim_drake.objects.drake_shapes import collision_shapes
 from physim_drake.objects.model import ObjectModel
+from physim_drake.physics.slots import Slot, add_slot
 from physim_drake.poses import Array, rotation_angle
 
 _PARKED = RigidTransform([0.0, 0.0, -50.0])
@@ -134,7 +133,7 @@ class Settler:
             [0.0, 0.0, -config.gravity]
         )
         _add_table(self._plant)
-        self._body = _add_body(self._plant, "free", model)
+        self._body: RigidBody = self._plant.AddRigidBody("free", _inertia(model))
         moment = float(np.trace(model.inertia)) / 3
         self._joint = self._plant.AddJoint(
             QuaternionFloatingJoint(
@@ -167,7 +166,7 @@ class Settler:
         """
         for n, slot in enumerate(self._slots):
             pose = RigidTransform(placed[n]) if n in placed else _PARKED
-            slot.SetPoseInParentFrame(self._context, pose)
+            slot.place(self._context, pose)
         self._joint.SetPose(self._context, RigidTransform(X_SO))
         self._plant.SetVelocities(self._context, np.zeros(6))
         self._root.SetTime(0.0)
@@ -223,12 +222,10 @@ def _without_remark_on_half_spaces() -> Iterator[None]:
         logger.removeFilter(wanted)
 
 
-def _add_body(plant: MultibodyPlant, name: str, model: ObjectModel) -> RigidBody:
+def _inertia(model: ObjectModel) -> SpatialInertia:
     com: Any = model.center_of_mass
-    inertia = UnitInertia(*_moments(model.inertia / model.mass))
-    spatial = SpatialInertia(model.mass, com, inertia.ShiftFromCenterOfMass(com))
-    body: RigidBody = plant.AddRigidBody(name, spatial)
-    return body
+    unit = UnitInertia(*_moments(model.inertia / model.mass))
+    return SpatialInertia(model.mass, com, unit.ShiftFromCenterOfMass(com))
 
 
 def _moments(inertia: Array) -> tuple[float, ...]:
@@ -265,23 +262,14 @@ def _add_collision(
         )
     else:
         AddRigidHydroelasticProperties(0.02, properties)
-    for n, piece in enumerate(model.collision_pieces):
-        text = cast(str, piece.export(file_type="obj"))
-        shape = Convex(
-            InMemoryMesh(mesh_file=MemoryFile(text, ".obj", f"{model.name}_{n}.obj"))
-        )
+    for n, shape in enumerate(collision_shapes(model)):
         plant.RegisterCollisionGeometry(
             body, RigidTransform(), shape, f"piece_{n}", properties
         )
 
 
-def _add_placed(
-    plant: MultibodyPlant, name: str, model: ObjectModel
-) -> FixedOffsetFrame:
-    slot: FixedOffsetFrame = plant.AddFrame(
-        FixedOffsetFrame(f"{name}_slot", plant.world_frame(), _PARKED)
-    )
-    body = _add_body(plant, name, model)
-    plant.WeldFrames(slot, body.body_frame())
-    _add_collision(plant, body, model, None)
+def _add_placed(plant: MultibodyPlant, name: str, model: ObjectModel) -> Slot:
+    world, instance = plant.world_frame(), default_model_instance()
+    slot = add_slot(plant, name, instance, _inertia(model), world, _PARKED)
+    _add_collision(plant, slot.body, model, None)
     return slot

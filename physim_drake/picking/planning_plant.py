@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from pydrake.common import MemoryFile, Parallelism
-from pydrake.geometry import Convex, InMemoryMesh, ProximityProperties
+from pydrake.common import Parallelism
+from pydrake.geometry import Convex, ProximityProperties
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     LoadModelDirectives,
@@ -26,7 +26,6 @@ from pydrake.multibody.parsing import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
-    FixedOffsetFrame,
     Frame,
     ModelInstanceIndex,
     RigidBody,
@@ -40,7 +39,9 @@ from pydrake.planning import (
 
 from physim_drake.errors import InputError
 from physim_drake.models import PACKAGE_XML
-from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.objects.drake_shapes import collision_shapes
+from physim_drake.objects.model import ObjectLibrary
+from physim_drake.physics.slots import Slot, add_slot
 from physim_drake.picking.planner_config import ArmPlannerConfig
 
 PARKED = RigidTransform([0.0, 0.0, -100.0])
@@ -50,19 +51,6 @@ PARKED_HELD = RigidTransform([0.0, 0.0, -30.0])
 """Of held copies, behind the cup: clear of the parked ones whichever way it points."""
 
 _MIN_LEVER = 0.25  # m; so that a wrist joint is not stepped by more than 2.3 degrees
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A copy of an object.
-
-    Attributes:
-        frame: whose pose in its parent is a parameter.
-        body: the copy.
-    """
-
-    frame: FixedOffsetFrame
-    body: RigidBody
 
 
 @dataclass(frozen=True)
@@ -116,13 +104,13 @@ def build_planning_plant(
     slots, hand = plant.AddModelInstance("placed"), plant.AddModelInstance("held")
     placed, held = {}, {}
     for object_id, model in library.items():
-        shapes = [_convex(model, n) for n in range(len(model.collision_pieces))]
+        shapes = collision_shapes(model)
         names = [f"placed_{object_id}_{n}" for n in range(copies.get(object_id, 0))]
         world = plant.world_frame()
         placed[object_id] = tuple(
-            _add_slot(plant, name, slots, world, PARKED, shapes) for name in names
+            _add_copy(plant, name, slots, world, PARKED, shapes) for name in names
         )
-        held[object_id] = _add_slot(
+        held[object_id] = _add_copy(
             plant, f"held_{object_id}", hand, tool, PARKED_HELD, shapes
         )
     plant.Finalize()
@@ -203,7 +191,7 @@ def _chain_length(
         tip, body = link.frame_on_parent(), link.parent_body()
 
 
-def _add_slot(
+def _add_copy(
     plant: MultibodyPlant,
     name: str,
     instance: ModelInstanceIndex,
@@ -211,21 +199,13 @@ def _add_slot(
     X_parked: RigidTransform,
     shapes: Sequence[Convex],
 ) -> Slot:
-    frame = plant.AddFrame(FixedOffsetFrame(f"{name}_slot", parent, X_parked, instance))
     inertia = SpatialInertia.SolidSphereWithMass(1.0, 0.1)  # nothing moves by it
-    body = plant.AddRigidBody(name, instance, inertia)
-    plant.WeldFrames(frame, body.body_frame())
+    slot = add_slot(plant, name, instance, inertia, parent, X_parked)
     for n, shape in enumerate(shapes):
         plant.RegisterCollisionGeometry(
-            body, RigidTransform(), shape, f"piece_{n}", ProximityProperties()
+            slot.body, RigidTransform(), shape, f"piece_{n}", ProximityProperties()
         )
-    return Slot(frame, body)
-
-
-def _convex(model: ObjectModel, n: int) -> Convex:
-    text = cast(str, model.collision_pieces[n].export(file_type="obj"))
-    file = MemoryFile(text, ".obj", f"{model.name}_{n}.obj")
-    return Convex(InMemoryMesh(mesh_file=file))
+    return slot
 
 
 def _look_up(plant: MultibodyPlant, get: Any, name: str) -> Any:

@@ -22,11 +22,11 @@ from pydrake.multibody.tree import BodyIndex, Frame, JacobianWrtVariable
 
 from physim_drake.errors import InputError
 from physim_drake.objects.model import ObjectLibrary
+from physim_drake.physics.slots import Slot
 from physim_drake.picking.planner_config import ArmPlannerConfig, HeldObject
 from physim_drake.picking.planning_plant import (
     PARKED,
     PARKED_HELD,
-    Slot,
     build_planning_plant,
     find_body,
     find_frame,

@@ -11,15 +11,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import trimesh
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     DepthRange,
     DepthRenderCamera,
     GeometryInstance,
-    InMemoryMesh,
     MakeRenderEngineVtk,
-    Mesh,
     PerceptionProperties,
     RenderEngineVtkParams,
     Rgba,
@@ -27,9 +23,9 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
-from trimesh.exchange.obj import export_obj
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
+from physim_drake.objects.drake_shapes import mesh_shape
 from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array, inverse
 from physim_drake.rendering.camera_core import FAR, NEAR, camera_core
@@ -37,14 +33,6 @@ from physim_drake.rendering.windows import DepthWindow, crop
 
 _SPACING = 25.0
 _ENGINE = "vtk"
-
-
-def mesh_shape(mesh: trimesh.Trimesh, name: str) -> Mesh:
-    """A Drake shape of `mesh` (metres), held in memory."""
-    text = export_obj(
-        mesh, include_normals=True, include_texture=False, include_color=False
-    )
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", f"{name}.obj")))
 
 
 class DepthRenderer:

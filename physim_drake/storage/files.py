@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import secrets
 import shutil
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any, Literal, TextIO, overload
 
 from physim_drake.errors import InputError
+from physim_drake.storage.locks import hold, remove_abandoned
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -114,8 +114,8 @@ def write_atomically(path: Path, mode: str = "w") -> Iterator[Any]:
     try:
         with open(path if direct else scratch, mode, **text) as file:  # type: ignore[call-overload]
             if not direct:
-                _hold(file.fileno())
-                _remove_abandoned(target)
+                hold(file.fileno(), without_locks=True)
+                remove_abandoned(_temporary_files(target), Path.unlink)
             yield file
             file.flush()
             if not direct:
@@ -169,21 +169,13 @@ def _prefix(target: Path) -> str:
     return f".{target.name[:64]}."
 
 
-def _hold(descriptor: int) -> bool:
-    """Locks a file while it is open; False if another process holds the lock."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # another process holds it, or the file system has no locks
-        return False
-    return True
-
-
-def _remove_abandoned(target: Path) -> None:
-    """Removes temporary files of a file whose writers have ended."""
-    prefix = _prefix(target)
-    for entry in os.scandir(target.parent):
-        middle = entry.name.removeprefix(prefix).removesuffix(".tmp")
-        if entry.name == f"{prefix}{middle}.tmp" and len(middle) == 8:
-            with suppress(OSError), open(entry.path, "rb") as file:
-                if _hold(file.fileno()):
-                    os.unlink(entry.path)
+def _temporary_files(target: Path) -> list[Path]:
+    """The temporary files of a file, of this process and of others."""
+    prefix, length = _prefix(target), len(_prefix(target)) + 8 + len(".tmp")
+    return [
+        Path(entry.path)
+        for entry in os.scandir(target.parent)
+        if len(entry.name) == length
+        and entry.name.startswith(prefix)
+        and entry.name.endswith(".tmp")
+    ]

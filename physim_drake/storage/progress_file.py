@@ -9,7 +9,6 @@ is removed.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ from physim_drake.closing import Closing
 from physim_drake.errors import InputError
 from physim_drake.storage.files import cannot_write
 from physim_drake.storage.json_nodes import JsonNode
+from physim_drake.storage.locks import hold
 
 _AGAIN = "run without --resume to begin again"
 
@@ -45,11 +45,12 @@ class ProgressFile(Closing):
         self.path = path
         self._settings = dict(settings)
         self._file = open_to_append(path)
-        try:
-            _lock(self._file, results)
-        except BaseException:
+        # Where there are no locks, a run that is alone does not need one.
+        if not hold(self._file.fileno(), without_locks=True):
             self._file.close()
-            raise
+            raise InputError(
+                results, "is being written by another run", "wait, or give another path"
+            )
 
     def go_on(self, resume: bool) -> list[JsonNode]:
         """Begins, or resumes an earlier run.
@@ -191,16 +192,3 @@ def check_in_place(file: FileIO, path: Path) -> None:
         there = False
     if not there:
         raise InputError(path, "was removed or replaced during the run", "run again")
-
-
-def _lock(file: FileIO, results: Path) -> None:
-    """Keeps a second run from writing to the same results."""
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(
-            results, "is being written by another run", "wait, or give another path"
-        ) from None
-    except OSError:
-        # The file system has no locks. A single run does not need one.
-        return

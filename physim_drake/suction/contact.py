@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
@@ -20,7 +19,6 @@ from pydrake.geometry import (
     Ellipsoid,
     GeometryId,
     HalfSpace,
-    InMemoryMesh,
     Mesh,
     ProximityProperties,
     SceneGraphInspector,
@@ -33,6 +31,7 @@ from pydrake.multibody.tree import RigidBody
 from scipy.spatial import ConvexHull
 
 from physim_drake.errors import InputError
+from physim_drake.objects.drake_shapes import obj_in_memory
 from physim_drake.poses import Array, transform_points
 from physim_drake.suction.cup import SuctionConfig, Surface
 
@@ -213,5 +212,4 @@ def cup_obj(radius: float) -> str:
 
 
 def _prism(radius: float) -> Convex:
-    file = MemoryFile(cup_obj(radius), ".obj", "cup.obj")
-    return Convex(InMemoryMesh(mesh_file=file))
+    return Convex(obj_in_memory(cup_obj(radius), "cup"))
