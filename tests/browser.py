@@ -32,7 +32,7 @@ _TREE = """() => {
 
 @contextmanager
 def opened(url: str) -> Iterator[Page]:
-    """A page, drawn by software; an error of its scripts fails the test."""
+    """A page, drawn by software. An error of its scripts fails the test."""
     errors: list[str] = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -57,7 +57,7 @@ def visible_paths(page: Page) -> set[str]:
 
 
 def screenshot(page: Page, path: Path) -> int:
-    """Keeps a picture of the page; returns how many colours it has."""
+    """Keeps a picture of the page and returns how many colours it has."""
     from PIL import Image
 
     page.screenshot(path=str(path))

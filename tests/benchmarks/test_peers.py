@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The comparison is fair and right; a package that is not there is skipped."""
+"""The comparison is fair and right, and a missing package is skipped."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The table, the exit status and --resume; the parts are stand-ins that end at once."""
+"""The table, the exit status and --resume, with stand-ins that end at once."""
 
 from __future__ import annotations
 

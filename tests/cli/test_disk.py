@@ -59,7 +59,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
 
 @pytest.fixture
 def refused(run: Run, capsys: pytest.CaptureFixture[str]) -> Refused:
-    """Runs the program, which ends with exit status 2; gives its one line."""
+    """Runs the program, which ends with exit status 2, and returns its one line."""
 
     def call(*arguments: object) -> str:
         capsys.readouterr()
@@ -230,7 +230,7 @@ def test_a_replay_that_does_not_fit_leaves_none_and_is_made_later(
 
 
 def below_a_file(tmp_path: Path) -> Path:
-    """A folder that cannot be, whoever asks for it."""
+    """A folder that nobody can make."""
     (tmp_path / "file").write_text("")
     return tmp_path / "file" / "out"
 
@@ -407,7 +407,7 @@ def test_an_output_that_takes_no_more_is_one_line(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A real disk of 128 KiB; skips where it may not be had."""
+    """A real disk of 128 KiB. Skips if it cannot be mounted."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=128k", "tmpfs", str(folder)]

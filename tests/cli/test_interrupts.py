@@ -106,7 +106,7 @@ def stop(process: subprocess.Popen[str], send: Callable[[], None]) -> tuple[str,
 
 
 def stops_as_promised(way: str, number: int) -> bool:
-    """Whether a signal ends it soon; that it says what is kept holds in any case."""
+    """Whether a signal ends it soon. It must say what is kept in any case."""
     for _ in range(TRIES):
         process = start(way)
         errors, seconds = stop(process, partial(process.send_signal, number))

@@ -20,7 +20,7 @@ from tests.synthetic import library
 
 
 class QuietExplorer:
-    """Stands for the robot; is told what to look with, and is never sure."""
+    """Stands for the robot. It is told what to look with, and is never sure."""
 
     made: list[Any]
 

@@ -240,7 +240,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def without_times(folder: Path) -> dict[str, str]:
-    """The files of a run; the clock's figures are left out."""
+    """The files of a run, without the clock's figures."""
     files = {}
     for path in sorted(folder.rglob("*")):
         if path.is_dir() or path.suffix == ".progress":

@@ -53,7 +53,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def trained(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that was killed and went on."""
+    """A run that was killed and resumed."""
     out = tmp_path_factory.mktemp("run") / "out"
     command = [*PROGRAM, "train", str(out), "--models", str(models), *SMALL]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)

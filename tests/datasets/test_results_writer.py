@@ -24,7 +24,7 @@ def rows(im_id: int) -> list[ResultRow]:
 
 
 def run(path: Path, *, resume: bool = False, until: int = 3) -> list[int]:
-    """Writes the images that are not done; returns them."""
+    """Writes the images that are not done and returns them."""
     with ResultsWriter(path, resume, {"seed": "1"}) as writer:
         todo = [im_id for im_id in range(until) if (1, im_id) not in writer.done]
         for im_id in todo:

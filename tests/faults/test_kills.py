@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A few kills of tiny runs; benchmarks/kills.py makes as many as it is told to."""
+"""A few kills of tiny runs. benchmarks/kills.py makes as many as it is told to."""
 
 from __future__ import annotations
 

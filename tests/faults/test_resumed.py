@@ -24,7 +24,7 @@ def program(*arguments: object) -> list[str]:
 
 
 def killed_and_resumed(command: Sequence[str], progress: Path, folder: Path) -> None:
-    """Kills a run once the first piece of its work is noted; then does the rest.
+    """Kills a run once the first piece of its work is noted, then does the rest.
 
     Args:
         command: of the run.

@@ -42,7 +42,7 @@ MB = 1_000_000
 
 @contextmanager
 def little_memory(limit: int = 20 * MB) -> Iterator[None]:
-    """Fails where Python or numpy take more memory at once than `limit`."""
+    """Fails if Python or numpy take more memory at once than `limit`."""
     tracemalloc.start()
     try:
         yield

@@ -277,7 +277,7 @@ def test_the_terminal_s_ctrl_c_does_not_reach_the_processes() -> None:
 
 
 def alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended and is not fetched does not."""
+    """Whether a process runs. One that has ended and is not fetched does not."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text()
     except FileNotFoundError:

@@ -223,7 +223,7 @@ def test_full_disk_leaves_no_scene(
 def test_a_scene_that_is_there_is_not_made_again(
     tmp_path: Path, library: ObjectLibrary
 ):
-    """As where a worker died right after it had put the scene in its place."""
+    """As if a worker died right after it had put the scene in its place."""
     (tmp_path / "000001").mkdir()
     maker = SceneMaker(tmp_path, library, CONFIG, {})
     maker.make(1)

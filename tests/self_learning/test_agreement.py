@@ -73,7 +73,7 @@ def test_views_that_do_not_agree(image, other: ObjectEstimate):
 
 
 def test_symmetric_objects_agree_under_their_symmetries(image):
-    """A box turned half around is the same; a tin at any angle about its axis."""
+    """A box turned half around is the same, as is a tin at any angle about its axis."""
     half = make_pose(turned("z", 180))
     flipped = next(
         X

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The robot looks at a scene; a detector that forgets stands for a network."""
+"""The robot looks at a scene, and a detector that forgets stands for a network."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def dataset(explorer: Explorer, tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.fixture(scope="module")
 def judged(explorer: Explorer) -> tuple[BopImage, ...]:
-    """The same scene with true labels; its first view is the same, too."""
+    """The same scene with true labels. Its first view is the same, too."""
     return explorer.judged(0)
 
 

@@ -14,7 +14,7 @@ NOTES = [{"done": 1}, {"done": 2}, {"done": 3}]
 def run(
     path: Path, *, resume: bool = True, seed: str = "1", until: int = 3
 ) -> list[int]:
-    """Does what is not noted yet; returns what was."""
+    """Does what is not noted yet and returns what was."""
     with ProgressFile(path, {"seed": seed}, Path("results")) as progress:
         earlier = [note["done"].integer() for note in progress.go_on(resume)]
         for note in NOTES[len(earlier) : until]:

@@ -183,7 +183,7 @@ class Gantry:
     def _add_tool(
         self, hand: RigidBody, config: SuctionConfig, tool: Path | None
     ) -> Any:
-        """Adds cup or gripper with its lip below the wrist; returns the lip's frame."""
+        """Adds cup or gripper with its lip below the wrist. Returns the lip's frame."""
         plant, X_HG = self.plant, RigidTransform(_DOWN, [0, 0, -WRIST_TO_LIP])
         if tool is None:
             inertia = SpatialInertia.SolidCylinderWithMass(0.03, 0.015, 0.03, [0, 0, 1])

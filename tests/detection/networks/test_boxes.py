@@ -99,7 +99,7 @@ def test_suppression_is_the_greedy_one(boxes: Tensor, seed: int, max_iou: float)
 
 
 def test_a_chain_of_boxes_keeps_every_other_one():
-    """Each overlaps the next; the second round must free what the first suppressed."""
+    """Each overlaps the next. The second round must free what the first suppressed."""
     left = torch.arange(9.0)
     zero = torch.zeros(9)
     boxes = torch.stack([left, zero, left + 2.5, zero + 1], dim=1)

@@ -43,7 +43,7 @@ def _one_thread() -> None:
 
 
 def learn(network: Network, images: int, steps: int, rate: float = 3e-3) -> list[float]:
-    """Trains on a few images; returns the sums of the losses."""
+    """Trains on a few images and returns the sums of the losses."""
     samples = [sample_of(draw_image(k)) for k in range(images)]
     optimizer = torch.optim.AdamW(network.parameters(), rate)
     sums = []

@@ -101,7 +101,7 @@ def test_what_is_packed_does_not_depend_on_where_it_stands(tmp_path: Path):
 def test_an_object_that_is_not_known_leaves_nothing(
     dataset: BopDataset, tmp_path: Path
 ):
-    with pytest.raises(InputError, match="shows object 2, of which there is no model"):
+    with pytest.raises(InputError, match="shows object 2, which has no model"):
         pack_images(dataset, tmp_path / "packed", 6, False, known=[1])
     assert [p.name for p in tmp_path.iterdir()] == ["tiny"]
     assert len(pack_images(dataset, tmp_path / "packed", 6, False, known=[1, 2])) == 2
