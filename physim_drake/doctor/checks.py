@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from physim_drake.doctor.system_libraries import INSTALL, library_remedy
 from physim_drake.parallel.cores import core_count
 
 LEAST_PYTHON = (3, 11)
@@ -28,9 +29,6 @@ LEAST_MEMORY = 2.0
 """Memory below which an estimate with two workers is likely to be killed, GiB."""
 LEAST_DISK = 0.5
 """Disk space for what is compiled, cached and written, GiB."""
-GRAPHICS_REMEDY = (
-    "apt-get install libegl1 libgl1 libopengl0 libgl1-mesa-dri libxrender1 (as root)"
-)
 _TIMEOUT = 240.0  # s; the first run compiles
 _GIB = 2.0**30
 
@@ -92,7 +90,7 @@ _REINSTALL = "pip install --force-reinstall physim-drake"
 PROBES = (
     Probe("packages", _REINSTALL),
     Probe("extras", _REINSTALL),
-    Probe("rendering", GRAPHICS_REMEDY),
+    Probe("rendering", INSTALL),
     Probe("physics", "pip install --force-reinstall drake"),
     Probe("compiled loops", "set NUMBA_CACHE_DIR to a folder that you may write"),
     Probe("worker processes", "use --workers 1"),
@@ -130,7 +128,8 @@ def run_probe(probe: Probe, timeout: float = _TIMEOUT) -> Check:
     lines = done.stdout.splitlines()
     if done.returncode == 0 and lines:
         return Check.from_dict(json.loads(lines[-1]))
-    return Check(probe.name, Status.FAIL, _how_it_ended(done), probe.remedy)
+    remedy = library_remedy(done.stderr) or probe.remedy
+    return Check(probe.name, Status.FAIL, _how_it_ended(done), remedy)
 
 
 def _how_it_ended(done: subprocess.CompletedProcess[str]) -> str:

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 ProbeFunction = Callable[[], Check]
 
-TESTED_DRAKE = "1.51.1"
+TESTED_DRAKE = ("1.51.1", "1.58.0")
+"""Versions of Drake with which the tests have passed, the oldest first."""
+
 _SIDE = 0.1  # m, of the boxes that are rendered and dropped
 _HEIGHT = 0.6  # m, of the camera above the table
 _GL_RENDERER = 0x1F01
@@ -49,12 +51,12 @@ def packages() -> Check:
         return Check("packages", Status.FAIL, ", ".join(wrong), remedy)
     drake = importlib.metadata.version("drake")
     found = f"all {len(needed)} needed; Drake {drake}"
-    if drake != TESTED_DRAKE:
+    if drake not in TESTED_DRAKE:
         return Check(
             "packages",
             Status.WARNING,
-            f"{found}, but only {TESTED_DRAKE} is tested",
-            f"if something fails, pip install drake=={TESTED_DRAKE}",
+            f"{found}, which was not tested; {' and '.join(TESTED_DRAKE)} were",
+            f"if something fails, pip install drake=={TESTED_DRAKE[-1]}",
         )
     return Check("packages", Status.OK, found)
 

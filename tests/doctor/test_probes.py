@@ -54,7 +54,7 @@ def test_missing_and_wrong_packages_are_named(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_an_untested_drake_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation_probes, "TESTED_DRAKE", "0.1")
+    monkeypatch.setattr(installation_probes, "TESTED_DRAKE", ("0.1",))
     check = packages()
     assert check.status is Status.WARNING
     assert "drake==0.1" in check.remedy
