@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 
 .PHONY: help
 help:  ## Show the targets.
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+	@grep -E '^[a-z -]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
 .PHONY: demo
 demo: setup  ## Let the robot clear a table once; a report with a replay in out/demo.
@@ -29,6 +29,12 @@ test-oldest:  ## Test with the oldest versions that pyproject.toml allows.
 docs: setup  ## Build the documentation site in build/site; a warning is an error.
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "build/site/index.html"
+
+.PHONY: docker
+docker:  ## Build the Docker image physim-drake and let it check itself.
+	@docker info >/dev/null 2>&1 || { echo "error: no Docker engine answers: see that docker is installed, running, and that you may use it" >&2; exit 1; }
+	@docker build --tag physim-drake .
+	@docker run --rm physim-drake doctor
 
 .PHONY: lint
 lint: setup  ## Check style.
