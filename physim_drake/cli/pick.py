@@ -14,7 +14,7 @@ from physim_drake.cli.options import (
     Quiet,
     Resume,
 )
-from physim_drake.cli.output import LogLevelName, messages, output_json
+from physim_drake.cli.output import LogLevelName, counted, messages, output_json
 from physim_drake.errors import InputError
 from physim_drake.extras import need_extra
 from physim_drake.picking.detector_name import DetectorName
@@ -139,7 +139,7 @@ def pick(
         replays = [replay_name(result.episode) for result in results]
         write_episodes_report(results, replays, str(loaded.random_seed), record)
     if json_file is None or not output_json(json_file, summary(results)):
-        _print(results)
+        _print(results, record)
 
 
 def _progress_path(
@@ -190,8 +190,8 @@ def _choose_detector(
     return replace(scenario, look=look)
 
 
-def _print(results: Sequence[EpisodeResult]) -> None:
-    """A table of the episodes, and why objects were left."""
+def _print(results: Sequence[EpisodeResult], record: Path | None) -> None:
+    """A table of the episodes, why objects were left, and what to open."""
     from rich.console import Console
 
     console = Console(highlight=False)
@@ -205,6 +205,16 @@ def _print(results: Sequence[EpisodeResult]) -> None:
                     f"episode {result.episode + 1}, {outcome.name} is left: "
                     f"{outcome.reason}"
                 )
+    console.print(_closing(results, record), soft_wrap=True)
+
+
+def _closing(results: Sequence[EpisodeResult], record: Path | None) -> str:
+    """The outcome in a sentence, and the page to open if there is one."""
+    cleared = sum(result.cleared for result in results)
+    objects = counted(sum(len(result.objects) for result in results), "object")
+    text = f"The robot cleared {cleared} of {objects} in "
+    text += f"{counted(len(results), 'episode')}."
+    return text if record is None else f"{text} Open {record / 'index.html'}"
 
 
 def _table(results: Sequence[EpisodeResult]) -> Table:
@@ -219,13 +229,13 @@ def _table(results: Sequence[EpisodeResult]) -> Table:
         "objects",
         "cleared",
         "picks",
-        "suc-\nceeded",
+        "picked",
         "dropped",
         "looks",
         "rot.\ndeg",
         "dist.\nmm",
-        "simu-\nlated s",
-        "wall\ns",
+        "sim.\ntime s",
+        "wall\ntime s",
         "picks\nan hour",
         "real-time\nfactor",
     ):

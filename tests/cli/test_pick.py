@@ -204,6 +204,8 @@ def test_figures_report_and_replay(
     assert code == 0
     printed = capfd.readouterr()
     assert "real-time" in printed.out
+    closing = f"The robot cleared 0 of 1 object in 1 episode. Open {out / 'index.html'}"
+    assert printed.out.splitlines()[-1] == closing
     assert "episode 1, dove_beauty_bar is left: it was never picked" in " ".join(
         printed.out.split()
     )
