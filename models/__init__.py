@@ -11,8 +11,6 @@ APC11 = Path(__file__).parent / "apc11"
 DETECTOR = APC11 / "detector.safetensors"
 """Weights of a network that finds these objects: Faster R-CNN, with masks."""
 
-"""Weights of a network that says which of these objects each pixel shows."""
-
 PACKAGE_XML = Path(__file__).parent / "package.xml"
 """Names this folder ``package://physim_drake_models``; add it to a parser with
 ``parser.package_map().AddPackageXml(str(PACKAGE_XML))`` before loading directives."""

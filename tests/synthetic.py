@@ -21,7 +21,7 @@ from physim_drake.observation.observation import Detection, Mask, RgbdObservatio
 from physim_drake.observation.segmented_scene import SegmentedScene, prepare_scene
 from physim_drake.observation.support_surface import (
     SupportSurface,
-    depth_noise,
+    depth_tolerance,
     surface_at_height,
 )
 from physim_drake.poses import Array, SymmetryGroup, inverse, make_pose
@@ -133,9 +133,8 @@ def plane_depth(
 def noisy(depth: DepthImage, scale: float, seed: int) -> DepthImage:
     """The depth image with Gaussian noise of `scale` times the model's deviation."""
     generator = np.random.default_rng(seed)
-    noise = (
-        scale * depth_noise(depth.astype(float)) * generator.normal(size=depth.shape)
-    )
+    deviation = scale * depth_tolerance(depth.astype(float))
+    noise = deviation * generator.normal(size=depth.shape)
     return np.where(depth > 0, depth + noise, 0).astype(np.float32)
 
 
@@ -151,7 +150,7 @@ def synthesize(
 
     Args:
         objects: what to draw.
-        noise: of the depth, in units of `depth_noise`.
+        noise: of the depth, in units of `depth_tolerance`.
         seed: of the noise.
         X_WC: the camera's pose.
         intrinsics: of the camera.

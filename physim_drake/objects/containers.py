@@ -20,7 +20,7 @@ from physim_drake.poses import Array
 
 
 @dataclass(frozen=True)
-class Box:
+class ContainerBox:
     """A box of a container, its axes those of W.
 
     Attributes:
@@ -50,7 +50,7 @@ class Container:
 
     name: str
     sdf: Path
-    boxes: tuple[Box, ...]
+    boxes: tuple[ContainerBox, ...]
     half_extents: Array
     height: float
     azimuth: tuple[float, float]
@@ -78,9 +78,8 @@ def load_container(name: ContainerName) -> Container:
     for visual in ET.parse(sdf).iter("visual"):
         pose = [float(x) for x in visual.findtext("pose", "").split()]
         size = visual.findtext("geometry/box/size", "").split()
-        boxes.append(
-            Box(visual.get("name", ""), np.array(pose[:3]), np.array(size, dtype=float))
-        )
+        part, center = visual.get("name", ""), np.array(pose[:3])
+        boxes.append(ContainerBox(part, center, np.array(size, dtype=float)))
     half_extents, height, azimuth, elevation = _USE[name]
     return Container(
         str(name),

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from physim_drake.camera import CameraIntrinsics, DepthImage
 from physim_drake.observation.observation import Detection, RgbdObservation, Segment
-from physim_drake.observation.support_surface import SupportSurface, depth_noise
+from physim_drake.observation.support_surface import SupportSurface, depth_tolerance
 from physim_drake.observation.voxels import voxel_means
 from physim_drake.poses import Array, transform_points
 
@@ -26,7 +26,7 @@ def foreground(observation: RgbdObservation, surface: SupportSurface) -> DepthIm
     p_C = observation.intrinsics.unproject(observation.depth)
     normal = surface.X_CS[:3, 2]
     heights = p_C @ normal - normal @ surface.X_CS[:3, 3]
-    noise = depth_noise(observation.depth.astype(float))
+    noise = depth_tolerance(observation.depth.astype(float))
     # A depth error shifts the height by its share along the normal.
     share = np.abs(observation.intrinsics.rays() @ normal)
     above = heights > np.maximum(_MIN_HEIGHT, 2.5 * noise * share)

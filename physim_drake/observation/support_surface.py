@@ -48,7 +48,7 @@ class SupportSurface:
         return inverse(self.X_CS)
 
 
-def depth_noise(z: Array) -> Array:
+def depth_tolerance(z: Array) -> Array:
     """A cautious standard deviation (m) of a depth camera's reading at `z` (m).
 
     Twice the quadratic law of structured-light and stereo cameras of the RealSense
@@ -111,8 +111,8 @@ def find_support_surface(
     )
     for scale in (3.0, 2.0, 2.0):
         heights = cloud @ normal + offset
-        inliers = np.abs(heights) < scale * depth_noise(cloud[:, 2]) + 0.001
-        normal, offset = _fit(cloud[inliers], 1 / depth_noise(cloud[inliers, 2]))
+        inliers = np.abs(heights) < scale * depth_tolerance(cloud[:, 2]) + 0.001
+        normal, offset = _fit(cloud[inliers], 1 / depth_tolerance(cloud[inliers, 2]))
     return _surface_from_plane(normal, offset, observation.X_WC)
 
 
@@ -172,11 +172,11 @@ def _ransac(
     if up_C is not None:
         upright = normals @ up_C > np.cos(_MAX_TILT)
         normals, offsets = normals[upright], offsets[upright]
-    band = 3 * depth_noise(points[:, 2])[:, None]
+    band = 3 * depth_tolerance(points[:, 2])[:, None]
     support = (np.abs(points @ normals.T + offsets) < band).sum(axis=0)
     score = support.astype(float)
     if len(objects):
-        band = 10 * depth_noise(objects[:, 2])[:, None]
+        band = 10 * depth_tolerance(objects[:, 2])[:, None]
         heights = objects @ normals.T + offsets
         score *= (heights < -band).mean(axis=0) < _MAX_BELOW
         # A wall or the floor may have nothing below it either, but is far away.

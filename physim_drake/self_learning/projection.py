@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from physim_drake.datasets.bop_writer import BopImage
 from physim_drake.objects.model import ObjectModel
 from physim_drake.observation.observation import Detection, Mask, RgbdObservation
-from physim_drake.observation.support_surface import depth_noise
+from physim_drake.observation.support_surface import depth_tolerance
 from physim_drake.poses import Array, inverse, transform_points
 from physim_drake.rendering.raster import DepthRasterizer
 from physim_drake.self_learning.agreement import AgreedObject
@@ -51,7 +51,7 @@ class ObjectArea:
         p_C = observation.intrinsics.unproject(depth)
         X_AC = inverse(self.X_WA) @ observation.X_WC
         p_A = transform_points(X_AC, p_C.reshape(-1, 3)).reshape(p_C.shape)
-        least = np.maximum(0.004, 3 * depth_noise(depth.astype(float)))
+        least = np.maximum(0.004, 3 * depth_tolerance(depth.astype(float)))
         inside = (np.abs(p_A[..., :2]) <= self.half_extents).all(axis=-1)
         above = (p_A[..., 2] > least) & (p_A[..., 2] < self.height)
         return np.asarray((depth > 0) & inside & above)
