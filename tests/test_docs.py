@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import pkgutil
 import re
 import tomllib
 from collections.abc import Callable
@@ -295,7 +296,8 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_what_has_moved_is_where_the_changelog_says() -> None:
-    table = (ROOT / "CHANGELOG.md").read_text().partition("| old path | new path |")[2]
+    changes = (ROOT / "CHANGELOG.md").read_text()
+    table = changes.partition("| old path | new path |")[2].partition("\n### ")[0]
     rows = re.findall(r"^\| `physim_drake.* \| (.*) \|$", table, re.MULTILINE)
     assert len(rows) > 20
     for row in rows:
@@ -304,6 +306,20 @@ def test_what_has_moved_is_where_the_changelog_says() -> None:
             path = name if name.startswith("physim_drake.") else f"{package}.{name}"
             package = path.rpartition(".")[0]
             assert importlib.util.find_spec(path), path
+
+
+def test_what_is_renamed_has_the_name_that_the_changelog_says() -> None:
+    table = (ROOT / "CHANGELOG.md").read_text().partition("| old name | new name |")[2]
+    rows = re.findall(r"^\| `(physim_drake.*)` \| (.*) \|$", table, re.MULTILINE)
+    assert len(rows) > 20
+    for old, new in rows:
+        for path in re.findall(r"`(physim_drake[\w.]+)", new):
+            pkgutil.resolve_name(path)
+        if old.endswith("MctsPoseEstimator"):
+            pkgutil.resolve_name(old)
+        elif "(" not in old:
+            with pytest.raises((AttributeError, ImportError)):
+                pkgutil.resolve_name(old)
 
 
 def names() -> list[str]:

@@ -48,7 +48,7 @@ def pick(
         DetectorName | None,
         typer.Option(
             help="What finds the objects in the images: a trained network, or an "
-            "oracle that knows where they are.",
+            "oracle that knows the truth.",
             show_default="the scenario's",
         ),
     ] = None,

@@ -311,13 +311,14 @@ class PickScenario:
             )
 
 
-def load_scenario(path: Path) -> PickScenario:
+def load_scenario(path: str | Path) -> PickScenario:
     """Reads a scenario. Paths in it start from its folder.
 
     Raises:
         InputError: if the file cannot be read, has an unknown key, or a value that
             cannot be.
     """
+    path = Path(path)
     scenario = _read(path)
     folder = path.resolve().parent
     for directive in scenario.directives:

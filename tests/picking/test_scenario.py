@@ -113,4 +113,4 @@ def test_a_file_that_is_not_there_is_an_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_example_can_be_read(path: Path) -> None:
-    assert load_scenario(path).directives
+    assert load_scenario(str(path)).directives
