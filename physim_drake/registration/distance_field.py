@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -32,6 +33,20 @@ _MAX_FACE_SAMPLES = 200_000
 _EXACT_BAND = 3.5  # cells; the corners of any cell within two cells are in it
 
 
+class FieldArrays(NamedTuple):
+    """A distance field as compiled loops take it.
+
+    Attributes:
+        values: signed distances, (nx, ny, nz) float32, m.
+        origin: p_O of the grid's first node, (3,), m.
+        inverse_spacing: nodes a metre, 1/m.
+    """
+
+    values: Grid
+    origin: Array
+    inverse_spacing: float
+
+
 @dataclass(frozen=True)
 class DistanceField:
     """Signed distances to a surface on a regular grid, negative inside.
@@ -45,6 +60,11 @@ class DistanceField:
     origin: Array
     spacing: float
     values: Grid
+
+    @property
+    def arrays(self) -> FieldArrays:
+        """The field for compiled loops."""
+        return FieldArrays(self.values, self.origin, 1 / self.spacing)
 
     def query(self, p_O: Array) -> tuple[Array, Array]:
         """Looks up points (N, 3).
@@ -65,9 +85,7 @@ class DistanceField:
         distances = np.empty(len(points))
         gradients = np.empty((len(points), 3))
         _query(
-            self.values,
-            self.origin,
-            1 / self.spacing,
+            self.arrays,
             np.ascontiguousarray(X_SO, dtype=float),
             points,
             distances,
@@ -193,9 +211,10 @@ def interpolate(
 
 @compiled(error_model="numpy", forceinline=True)
 def lookup(
-    values: Grid, origin: Array, inverse_spacing: float, x: float, y: float, z: float
+    field: FieldArrays, x: float, y: float, z: float
 ) -> tuple[float, float, float, float]:
     """Trilinear distance and its gradient at one point, for other kernels."""
+    values, origin, inverse_spacing = field
     nx, ny, nz = values.shape
     fx = (x - origin[0]) * inverse_spacing
     fy = (y - origin[1]) * inverse_spacing
@@ -216,20 +235,12 @@ def lookup(
 
 @compiled(error_model="numpy", forceinline=True)
 def lookup_posed(
-    values: Grid,
-    origin: Array,
-    inverse_spacing: float,
-    X: Array,
-    px: float,
-    py: float,
-    pz: float,
+    field: FieldArrays, X: Array, px: float, py: float, pz: float
 ) -> tuple[float, float, float, float]:
     """Distance of p_S to the object at X_SO and its gradient in S."""
     dx, dy, dz = px - X[0, 3], py - X[1, 3], pz - X[2, 3]
     d, x, y, z = lookup(
-        values,
-        origin,
-        inverse_spacing,
+        field,
         X[0, 0] * dx + X[1, 0] * dy + X[2, 0] * dz,
         X[0, 1] * dx + X[1, 1] * dy + X[2, 1] * dz,
         X[0, 2] * dx + X[1, 2] * dy + X[2, 2] * dz,
@@ -244,9 +255,7 @@ def lookup_posed(
 
 @compiled(error_model="numpy")
 def _query(
-    values: Grid,
-    origin: Array,
-    inverse_spacing: float,
+    field: FieldArrays,
     X_SO: Array,
     points: Array,
     distances: Array,
@@ -254,11 +263,5 @@ def _query(
 ) -> None:
     for n in range(len(points)):
         distances[n], gradients[n, 0], gradients[n, 1], gradients[n, 2] = lookup_posed(
-            values,
-            origin,
-            inverse_spacing,
-            X_SO,
-            points[n, 0],
-            points[n, 1],
-            points[n, 2],
+            field, X_SO, points[n, 0], points[n, 1], points[n, 2]
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from physim_drake.compiled import compiled
 from physim_drake.poses import Array
 from physim_drake.registration.distance_field import (
     DistanceField,
-    Grid,
+    FieldArrays,
     interpolate,
     lookup,
 )
@@ -43,6 +43,10 @@ class TrimmedIcpConfig:
     cutoff: float = 0.0075
     cos_normal: float = 0.3
     tolerance: float = 1e-4
+
+
+_ConfigTuple = tuple[float, bool, int, float, float, float]
+"""The configuration as compiled loops take it."""
 
 
 def lcp_scores(
@@ -71,9 +75,7 @@ def lcp_scores(
     scores = np.zeros((len(X_SO), len(near)))
     if len(points):
         _lcp(
-            field.values,
-            field.origin,
-            1 / field.spacing,
+            field.arrays,
             np.ascontiguousarray(X_SO),
             np.ascontiguousarray(points),
             np.ascontiguousarray(normals),
@@ -111,18 +113,11 @@ def trimmed_icp(
     residuals = np.full(len(poses), np.inf)
     if len(points) >= 6:
         _trimmed_icp(
-            field.values,
-            field.origin,
-            1 / field.spacing,
+            field.arrays,
             poses,
             np.ascontiguousarray(points),
             np.ascontiguousarray(normals),
-            config.keep,
-            config.soft,
-            config.iterations,
-            config.cutoff,
-            config.cos_normal,
-            config.tolerance,
+            astuple(config),
             residuals,
         )
     return poses, residuals
@@ -130,9 +125,7 @@ def trimmed_icp(
 
 @compiled(error_model="numpy")
 def _lcp(
-    values: Grid,
-    origin: Array,
-    inverse_spacing: float,
+    field: FieldArrays,
     poses: Array,
     points: Array,
     normals: Array,
@@ -140,6 +133,7 @@ def _lcp(
     cos_normal: float,
     scores: Array,
 ) -> None:
+    values, origin, inverse_spacing = field
     nx, ny, nz = values.shape
     # No distance changes by more than the way from a point to its nearest node.
     farthest = deltas.max()
@@ -178,20 +172,14 @@ def _lcp(
 
 @compiled(error_model="numpy")
 def _trimmed_icp(
-    values: Grid,
-    origin: Array,
-    inverse_spacing: float,
+    field: FieldArrays,
     poses: Array,
     points: Array,
     normals: Array,
-    keep: float,
-    soft: bool,
-    iterations: int,
-    cutoff: float,
-    cos_normal: float,
-    tolerance: float,
+    config: _ConfigTuple,
     residuals: Array,
 ) -> None:
+    keep, soft, iterations, cutoff, cos_normal, tolerance = config
     count = len(points)
     centre = np.zeros(3)
     for n in range(count):
@@ -204,17 +192,7 @@ def _trimmed_icp(
         X = poses[m]
         for _ in range(iterations):
             _linearise(
-                values,
-                origin,
-                inverse_spacing,
-                X,
-                points,
-                normals,
-                centre,
-                cutoff,
-                cos_normal,
-                rows,
-                magnitude,
+                field, X, points, normals, centre, cutoff, cos_normal, rows, magnitude
             )
             scratch[:] = magnitude
             threshold = max(min(cutoff, _smallest(scratch, kept - 1)), 1e-9)
@@ -234,9 +212,7 @@ def _trimmed_icp(
 
 @compiled(error_model="numpy")
 def _linearise(
-    values: Grid,
-    origin: Array,
-    inverse_spacing: float,
+    field: FieldArrays,
     X: Array,
     points: Array,
     normals: Array,
@@ -251,9 +227,7 @@ def _linearise(
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         dx, dy, dz = x - X[0, 3], y - X[1, 3], z - X[2, 3]
         d, ox, oy, oz = lookup(
-            values,
-            origin,
-            inverse_spacing,
+            field,
             X[0, 0] * dx + X[1, 0] * dy + X[2, 0] * dz,
             X[0, 1] * dx + X[1, 1] * dy + X[2, 1] * dz,
             X[0, 2] * dx + X[1, 2] * dy + X[2, 2] * dz,
@@ -263,7 +237,9 @@ def _linearise(
         gz = X[2, 0] * ox + X[2, 1] * oy + X[2, 2] * oz
         length = math.sqrt(gx * gx + gy * gy + gz * gz) + 1e-9
         cosine = gx * normals[n, 0] + gy * normals[n, 1] + gz * normals[n, 2]
-        magnitude[n] = abs(d) if cosine > cos_normal * length else abs(d) + cutoff
+        magnitude[n] = abs(d)
+        if not cosine > cos_normal * length:
+            magnitude[n] += cutoff
         x, y, z = x - centre[0], y - centre[1], z - centre[2]
         rows[n, 0] = y * gz - z * gy
         rows[n, 1] = z * gx - x * gz
@@ -295,7 +271,10 @@ def _accumulate(
 
 @compiled(error_model="numpy")
 def _smallest(values: Array, rank: int) -> float:
-    """The value of this rank from below (Hoare's selection); disorders `values`."""
+    """The value of this rank from below (Hoare's selection); disorders `values`.
+
+    In place of `np.partition`, which allocates: this runs in each step of each pose.
+    """
     low, high = 0, len(values) - 1
     while low < high:
         pivot = values[(low + high) // 2]
@@ -319,7 +298,10 @@ def _smallest(values: Array, rank: int) -> float:
 
 @compiled(error_model="numpy")
 def solve_positive(A: Array, b: Array) -> None:
-    """Solves A x = b in place by Cholesky; only the lower triangle of A is read."""
+    """Solves A x = b in place by Cholesky; only the lower triangle of A is read.
+
+    In place of `np.linalg.solve`, which allocates and asks LAPACK: A is 6 x 6.
+    """
     size = len(b)
     for i in range(size):
         for j in range(i + 1):

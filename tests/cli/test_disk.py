@@ -113,7 +113,7 @@ def test_estimates_before_the_disk_was_full_are_kept(
     progress = whole.with_name("whole.csv.progress").stat().st_size
     with room_for(progress - 1):
         line = refused("estimate", dataset, "--out", out, *PCA)
-    assert f"{out}.progress: cannot be written: File too large; make room" in line
+    assert f"{out}.progress: cannot be written: File too large; free some space" in line
     assert out.read_text().endswith("\n")
     assert next(row.im_id for row in read_results(out)) == 0
     assert run("estimate", dataset, "--out", out, *PCA, "--resume") == 0
