@@ -2,7 +2,7 @@
 """The prints of the six boxes.
 
 Colours and kinds of goods follow the objects of the picking challenge; the drawings
-are our own, a different one on each side.
+are our own, with a different one on each side.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 A `Panel` is the picture of one side of a product. Places on it are shares of its
 width and height, from the upper left corner, so that a drawing does not depend on the
-number of pixels; heights of letters are shares of the panel's height.
+number of pixels. Heights of letters are shares of the panel's height.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WHITE, BLACK = (248, 248, 246), (24, 24, 26)
 YELLOW, GREEN, RED, BLUE = (250, 202, 30), (0, 122, 76), (198, 30, 38), (22, 58, 140)
 
 SIZE = 512
-"""Pixels along each side of a texture."""
+"""Number of pixels along each side of a texture."""
 
 _SUPERSAMPLING = 3
 _GUTTER = 2  # px around each panel
@@ -31,7 +31,7 @@ class Panel:
     """One side of a product to draw on.
 
     Attributes:
-        image: its pixels, `_SUPERSAMPLING` times as fine as the texture.
+        image: pixels, `_SUPERSAMPLING` times as fine as the texture.
     """
 
     image: Image.Image
@@ -47,7 +47,7 @@ class Panel:
         return cls(Image.new("RGB", size, (255, 255, 255)))
 
     def turned(self) -> Panel:
-        """A blank panel to draw on sideways; hand it to `paste_turned`."""
+        """A blank panel to draw on sideways. Pass it to `paste_turned`."""
         return Panel(Image.new("RGB", (self.image.height, self.image.width)))
 
     def paste_turned(self, panel: Panel) -> None:
@@ -107,11 +107,11 @@ class Panel:
         Args:
             x: middle of the line.
             y: middle of its height.
-            words: what to write.
-            height: size of the letters; smaller where the line would be too wide.
-            fill: colour.
+            words: text of the line.
+            height: size of the letters. It is reduced if the line would be too wide.
+            fill: colour of the letters.
             bold: whether to thicken the strokes.
-            width: the greatest width of the line.
+            width: largest width of the line.
         """
         pixels = height * self.image.height
         for _ in range(2):
@@ -184,7 +184,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Atlas:
-    """Where the panels lie on a texture.
+    """The places of the panels on a texture.
 
     Attributes:
         places: left, top, width and height of each panel, px.
@@ -194,7 +194,7 @@ class Atlas:
 
     @classmethod
     def packed(cls, sizes: Mapping[str, tuple[float, float]]) -> Atlas:
-        """Packs panels as large as they fit, all at the same scale.
+        """Packs panels at the largest scale at which they all fit.
 
         Args:
             sizes: width and height of each panel, in any unit of length.
@@ -223,11 +223,11 @@ class Atlas:
     ) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         """Texture coordinates (..., 2), origin lower left, of places on a panel.
 
-        Half a pixel is kept off the edges, so that no neighbour shines through.
+        Half a pixel at the edges is left out, so that no neighbour shows through.
 
         Args:
-            name: the panel.
-            uv: places on it, (..., 2) in 0 .. 1, from its lower left corner.
+            name: name of the panel.
+            uv: places on the panel, (..., 2) in 0 .. 1, from its lower left corner.
         """
         left, top, width, height = self.places[name]
         size = np.array([width - 1.0, height - 1.0])
@@ -238,7 +238,7 @@ class Atlas:
 def _shelves(
     sizes: Mapping[str, tuple[float, float]], scale: float
 ) -> dict[str, tuple[int, int, int, int]] | None:
-    """Places panels row by row, the tallest first; None where they do not fit."""
+    """Places panels row by row, the tallest first. Gives None if they do not fit."""
     places: dict[str, tuple[int, int, int, int]] = {}
     left, top, row = _GUTTER, _GUTTER, 0
     for name in _by_height(sizes):

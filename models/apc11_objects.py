@@ -3,7 +3,7 @@
 
 The objects and their extents are those of the 2016 Amazon Picking Challenge as
 Mitash, Boularias and Bekris use them in "Improving 6D Pose Estimation of Objects in
-Clutter via Physics-aware Monte Carlo Tree Search" (ICRA 2018); shapes and prints are
+Clutter via Physics-aware Monte Carlo Tree Search" (ICRA 2018). Shapes and prints are
 our own. Profiles are lists of (y, radius) or (y, radius along x, radius along z) in
 millimetres.
 """
@@ -44,18 +44,18 @@ _Y1 = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 @dataclass(frozen=True)
 class ObjectSpec:
-    """Everything that is written down of one object.
+    """All that is specified of one object.
 
     Attributes:
-        object_id: its number in the paper's table.
-        name: its name.
-        mass: kg.
+        object_id: number in the paper's table.
+        name: name of the object.
+        mass: mass, kg.
         extents: full lengths along x, y, z, m.
-        surface: the visual surface.
+        surface: visual surface.
         pieces: corners of each convex collision piece, m.
-        paint: draws its panels.
-        turns: rotations that map it onto itself, the identity left out.
-        axes: directions of its continuous axes through the origin.
+        paint: function that draws the panels.
+        turns: rotations that map the object onto itself, without the identity.
+        axes: directions of continuous axes through the origin.
     """
 
     object_id: int
@@ -122,10 +122,10 @@ def _box(
 
 
 def _coffee_can() -> ObjectSpec:
-    """A plastic can; the lid's rim stands out 1.5 mm, so that it has no flip.
+    """A plastic can. The lid's rim stands out by 1.5 mm, so that a flip is visible.
 
-    The grips are 0.8 mm deep: seen in the light, but within what a depth camera and
-    a continuous symmetry can tell.
+    The grips are 0.8 mm deep. They are visible in colour, but too shallow for a depth
+    camera to break the continuous symmetry.
     """
     lid, body = 52.0, 50.5
     side = np.concatenate(

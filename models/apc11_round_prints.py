@@ -2,7 +2,7 @@
 """The prints of the can, the tape, the bottles and the ball.
 
 Colours and kinds of goods follow the objects of the picking challenge; the drawings
-are our own, a different one on each side.
+are our own, with a different one on each side.
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 """The surfaces of the eleven objects, built from their dimensions.
 
 Every visual surface here is closed, and every collision piece is convex. Points are
-in the object's frame O: origin at the centre of the extents box, y along the long or
-symmetry axis. Profiles are written in millimetres, as one reads them off a drawing;
-what comes out of a function is in metres.
+in the object's frame O, whose origin is the centre of the extents box and whose y axis
+is the long or symmetry axis. Profiles are in millimetres, as in a drawing. Functions
+return metres.
 
 The azimuth of a surface swept about y is counted from +z towards +x, so that a label
-reads from left to right when it is looked at from outside with +y up.
+reads from left to right from outside with +y up.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Surface:
     """A closed triangle mesh whose faces are spread over the panels of a texture.
 
     Attributes:
-        vertices: p_OV, (V, 3), m.
+        vertices: positions p_OV, (V, 3), m.
         faces: vertex indices, (F, 3), anticlockwise from outside.
         uv: place of each face corner on its panel, (F, 3, 2) in 0 .. 1, from the
             lower left corner.
@@ -64,7 +64,7 @@ class Band:
     Attributes:
         panel: name of the panel that the band is printed on.
         rings: y, radius along x and radius along z of each ring, (N, 3), mm.
-        planar: whether the panel is a picture seen along y; otherwise it is the
+        planar: whether the panel is a picture seen along y. Otherwise it is the
             unrolled side.
     """
 
@@ -84,7 +84,7 @@ def arc(start: ArrayLike, end: ArrayLike, steps: int) -> Array:
 
     Args:
         start: first ring (y, radii ...).
-        end: last ring, where the profile runs across y.
+        end: last ring, at which the profile is perpendicular to y.
         steps: number of segments.
 
     Returns:
@@ -105,7 +105,7 @@ def chamfered_box(extents: Sequence[float], chamfer: float) -> Surface:
         chamfer: width that the cut takes off each side, m.
 
     Returns:
-        The surface with panels ``+x``, ``-x`` ... ``-z``; 44 faces.
+        The surface, of 44 faces, with panels ``+x``, ``-x`` ... ``-z``.
     """
     half = np.asarray(extents) / 2
     corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).T.reshape(-1, 3)
@@ -135,10 +135,10 @@ def swept(bands: Sequence[Band], segments: int) -> Surface:
     """Sweeps a profile about y into a closed surface.
 
     Args:
-        bands: the parts of the profile, each starting at the ring where the one
-            before it ends. The profile is closed, or starts and ends on the axis.
-        segments: number of steps around; a multiple of four reaches the full
-            extents along x and z.
+        bands: parts of the profile, each starting at the last ring of the one before.
+            The profile is closed, or starts and ends on the axis.
+        segments: number of steps around. A multiple of four reaches the full extents
+            along x and z.
 
     Returns:
         The surface, with one panel for each different panel name.
@@ -170,9 +170,9 @@ def displaced(surface: Surface, depth: Callable[[Array, Array], Array]) -> Surfa
     """Moves a swept surface towards its axis.
 
     Args:
-        surface: the surface to change.
-        depth: inward displacement (V,) in m of the azimuths (V,) in rad and the
-            heights y (V,) in m of the vertices.
+        surface: surface to change.
+        depth: function of the vertices' azimuths (V,), rad, and heights y (V,), m, that
+            gives the inward displacement (V,), m.
     """
     x, y, z = surface.vertices.T
     radius = np.hypot(x, z)
@@ -194,8 +194,8 @@ def convex_faces(vertices: Array) -> Indices:
 def convex_stack(rings: ArrayLike, sides: int) -> Array:
     """Corners of a convex piece swept about y, half in and half out of the round.
 
-    A regular polygon stays within r (1 - cos(pi / sides)) / 2 of its circle when
-    its corners lie as far outside as the middles of its sides lie inside.
+    A regular polygon stays within r (1 - cos(pi / sides)) / 2 of its circle if its
+    corners lie as far outside as the middles of its sides lie inside.
 
     Args:
         rings: (y, radius) or (y, radius along x, radius along z), (N, 2 or 3), mm.
@@ -248,7 +248,7 @@ def corner_normals(surface: Surface, crease: float = np.radians(50)) -> Array:
     """Normals of the face corners, smooth over edges that bend less than `crease`.
 
     Args:
-        surface: the surface.
+        surface: surface with the faces.
         crease: angle between two faces beyond which the edge stays sharp, rad.
 
     Returns:
@@ -325,7 +325,7 @@ def _quad_corners(grid: Array) -> Array:
 def _welded(
     points: Array, uv: Array, panel: Indices, panels: Mapping[str, tuple[float, float]]
 ) -> Surface:
-    """Joins triangle corners (M, 3, 3) at the same place; drops empty triangles."""
+    """Joins triangle corners (M, 3, 3) at the same place, and drops empty triangles."""
     vertices, faces = np.unique(
         points.reshape(-1, 3).round(9) + 0.0, axis=0, return_inverse=True
     )

@@ -2,8 +2,8 @@
 """Makes the folder of the eleven objects: ``python -m physim_drake.models.make_apc11``.
 
 For each object it writes an OBJ with normals and texture coordinates, its MTL and PNG,
-an OBJ for each convex collision piece, and an SDF file; and for all of them
-``library.yaml``. The same program writes the same files.
+an OBJ for each convex collision piece, and an SDF file. For all of them it writes
+``library.yaml``. Each run writes the same files.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def make_models(folder: Path, names: Collection[str] = ()) -> None:
     """Writes the objects into `folder`.
 
     Args:
-        folder: where to; made if it does not exist.
-        names: the objects to write; all if empty.
+        folder: folder for the files, made if it does not exist.
+        names: names of the objects to write. If empty, all are written.
     """
     specs = [s for s in all_objects() if not names or s.name in names]
     for spec in specs:
@@ -76,7 +76,7 @@ def _write_object(spec: ObjectSpec, folder: Path) -> None:
 
 
 def _write_sdf(model: ObjectModel, folder: Path) -> None:
-    """Adds the SDF file; it names the meshes that are in the folder already."""
+    """Adds the SDF file, which names the meshes that are already in the folder."""
     with TemporaryDirectory() as scratch:
         shutil.copy(write_drake_model(model, Path(scratch)), folder)
 
@@ -117,14 +117,14 @@ def _rows(keyword: str, values: Array, digits: int) -> list[str]:
 
 
 def _distinct(values: Array, digits: int) -> tuple[Array, Indices]:
-    """Distinct rows of (F, 3, D) values, and for each corner (F, 3) its row."""
+    """Distinct rows of (F, 3, D) values, and the row of each corner (F, 3)."""
     flat = values.reshape(-1, values.shape[-1]).round(digits) + 0.0
     rows, index = np.unique(flat, axis=0, return_inverse=True)
     return rows, np.reshape(index, values.shape[:2])
 
 
 def _library_entry(spec: ObjectSpec) -> str:
-    """The object's lines of the library file, a key on each."""
+    """The object's lines in the library file, one key on each."""
     turns = [(make_pose(R) + 0.0).ravel().tolist() for R in spec.turns]
     axes = [{"axis": list(a), "point": [0, 0, 0]} for a in spec.axes]
     pieces = [_piece_name(spec, k) for k in range(len(spec.pieces))]

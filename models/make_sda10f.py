@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Makes the robot's URDF and meshes: ``python -m physim_drake.models.make_sda10f``.
 
-The same program writes the same files.
+Each run writes the same files.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _CONTACT = """\
         <drake:mu_dynamic value="0.4"/>
       </drake:proximity_properties>
 """
-_REACH = 2  # a link cannot touch the next ones within the limits of its joints
+_REACH = 2  # within the limits of its joints, a link cannot touch the next ones
 
 
 def make_robot(folder: Path) -> None:
@@ -119,8 +119,7 @@ def _inertial(row: LinkRow) -> str:
 def mass_distribution(row: LinkRow) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centre of mass (3,), m, and inertia about it (3, 3), kg m^2, in the link's frame.
 
-    The mass is spread evenly over the volumes of the shapes; where two overlap it
-    counts twice.
+    The mass is spread evenly over the volumes of the shapes. Overlaps count twice.
     """
     volumes = np.array([_volume(shape) for shape in row.shapes])
     masses = row.mass * volumes / volumes.sum()
@@ -183,7 +182,7 @@ def _transmission(joint: str, drive: Drive) -> str:
 
 
 def _filter_groups() -> list[str]:
-    """Groups of links near each other in the chain, whose contact means nothing."""
+    """Groups of links near each other in the chain, whose contacts are ignored."""
     parents = {row.child: row.parent for row in joints()}
     shaped = list(links())
     groups = []

@@ -2,7 +2,7 @@
 """Makes the meshes of gripper, wrist camera and bracket.
 
 Run it as ``python -m physim_drake.models.make_wrist_tools``. The SDF files beside the
-meshes are written by hand. The same program writes the same files.
+meshes are written by hand. Each run writes the same files.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _gripper() -> list[Patch]:
 
 
 def _cup() -> list[Patch]:
-    """A neck and one and a half folds; the lip is at z = 28 mm."""
+    """A neck and one and a half folds, with the lip at z = 28 mm."""
     outside = [
         (0.0, 0.0),
         (0.0078, 0.0),
@@ -105,7 +105,7 @@ def _camera() -> list[Patch]:
 
 
 def _stadium(width: float, height: float, inset: float, z: float) -> Array:
-    """A rectangle with round ends, (32, 3); negative insets make it smaller."""
+    """A rectangle with round ends, (32, 3). Negative insets make it smaller."""
     radius = height / 2 + inset
     ring = oval((0.0, 0.0, z), (radius, radius), 2.0, 32)
     # Half a step off the y axis, so that no point lies between the ends.

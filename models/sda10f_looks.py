@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""What the SDA10F's links look like.
+"""Visual surfaces of the SDA10F's links.
 
 Every arm link is a head beside the joint's plane, a tube along the arm and a neck
-between them. They are drawn in a frame whose z runs along the tube, away from the
-joint, and whose y is the axis of the head.
+between them. They are drawn in a frame whose z axis runs along the tube, away from the
+joint, and whose y axis is that of the head.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ class _ArmLink:
     """Sizes of an arm link, m.
 
     Attributes:
-        side: +1 where the head is at +y, else -1.
+        side: sign of the head's y, +1 or -1.
         head: radius, radius of its cover, and length of the head.
         neighbor: radius of the head on the other side of the joint's plane.
-        tube: its radius.
-        neck_end: where along the arm the tube begins.
-        end: where it ends, at a seam.
-        spigot: how far what turns in the next tube reaches beyond the seam.
-        colors: of body and cover.
+        tube: radius of the tube.
+        neck_end: start of the tube along the arm.
+        end: end of the tube, at a seam.
+        spigot: length, beyond the seam, of the part that turns in the next tube.
+        colors: colours of body and cover.
     """
 
     side: int
@@ -93,7 +93,7 @@ _TORSO: tuple[tuple[float, ...], ...] = (
 
 
 def link_looks() -> dict[str, list[Patch]]:
-    """The surfaces of each link, in its frame; arm links without their side's name."""
+    """The surfaces of each link, in its frame. Names of arm links are without side."""
     looks = {"torso_base_link": _base(), "torso_link_b1": _torso()}
     for n, (name, sizes) in enumerate(_ARM.items(), start=1):
         parts = _arm_link(sizes)
@@ -145,7 +145,7 @@ def _bolts(circle: float, z: float, count: int, radius: float = 0.0035) -> list[
 def _neck(sizes: _ArmLink) -> Patch:
     """From the side of the head to the whole round of the tube.
 
-    It keeps away from the other link's head, which turns beside this one's.
+    It keeps clear of the other link's head, which turns beside this one.
     """
     radius, _, length = sizes.head
     clear = max(sizes.neighbor, radius) + 0.003
@@ -231,7 +231,7 @@ def _base() -> list[Patch]:
         [(0.126, -0.346), (0.126, -0.309), (0.105, -0.309)], [0.0, 0.005, 0.0]
     )
     socket = _block((-0.06, 0.0), (0.05, 0.09), -0.03, 0.0, 0.006, "metal")
-    # On the column's back: where the cables go in.
+    # Cable entry on the column's back.
     on_back = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
     socket = socket.moved(on_back, (-0.160, 0.0, -0.92))
     return [plate, column, turned(collar, "metal"), socket, *_foot_bolts()]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The Motoman SDA10F in numbers: joints, links, masses, drives.
 
-Lengths in m, angles in rad, masses in kg. Sources and assumptions are told in
-``motoman_sda10f/README.md``. The links of both arms are equal; the right arm's frames
-are turned so that the same joint angles mirror the left arm's posture.
+Lengths are in m, angles in rad, masses in kg. ``motoman_sda10f/README.md`` has the
+sources and assumptions. The links of both arms are equal. The right arm's frames are
+turned so that the same joint angles mirror the left arm's posture.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _QUARTER, _HALF = math.pi / 2, math.pi
 
 @dataclass(frozen=True)
 class JointRow:
-    """A joint; fixed where there is no drive.
+    """A joint, which is fixed if it has no drive.
 
     Attributes:
-        name, parent, child: as in the URDF.
-        xyz, rpy: pose of the joint's frame in the parent link.
-        axis: in the joint's frame.
-        limit: it turns from -limit to limit.
-        drive: what turns it.
+        name, parent, child: names as in the URDF.
+        xyz, rpy: pose of the joint's frame in the parent link, m and rad.
+        axis: axis in the joint's frame.
+        limit: largest angle to either side, rad.
+        drive: motor and gear, or None.
     """
 
     name: str
@@ -41,14 +41,14 @@ class JointRow:
 
 @dataclass(frozen=True)
 class Drive:
-    """What a joint's motor and gear can do.
+    """Limits of a joint's motor and gear.
 
     Attributes:
-        speed: rad/s.
-        acceleration: rad/s^2.
-        effort: N m.
+        speed: largest speed, rad/s.
+        acceleration: largest acceleration, rad/s^2.
+        effort: largest torque, N m.
         gear_ratio: turns of the motor for one of the joint.
-        rotor_inertia: kg m^2, at the motor.
+        rotor_inertia: inertia of the rotor, at the motor, kg m^2.
     """
 
     speed: float
@@ -63,9 +63,9 @@ class Primitive:
     """A collision shape.
 
     Attributes:
-        size: (radius, length) of a cylinder, or the edges of a box.
-        xyz: its centre in the link's frame.
-        axis: of a cylinder.
+        size: (radius, length) of a cylinder, or edges of a box, m.
+        xyz: centre in the link's frame, m.
+        axis: axis of a cylinder.
     """
 
     size: tuple[float, ...]
@@ -78,15 +78,15 @@ class LinkRow:
     """A link.
 
     Attributes:
-        mass: kg.
-        shapes: collision shapes; mass is spread over them evenly.
+        mass: mass, kg.
+        shapes: collision shapes, over which the mass is spread evenly.
     """
 
     mass: float
     shapes: tuple[Primitive, ...]
 
 
-# Speed limits are the maker's; see the README for the rest.
+# Speed limits are the manufacturer's. The README explains the rest.
 _TORSO = Drive(math.radians(130), 4.5, 400.0, 160.0, 6.0e-5)
 _SHOULDER = Drive(math.radians(170), 10.0, 400.0, 160.0, 6.0e-5)
 _ELBOW = Drive(math.radians(170), 10.0, 170.0, 160.0, 2.6e-5)
@@ -179,7 +179,7 @@ def joints() -> tuple[JointRow, ...]:
 
 
 def _arm(side: str, sign: float) -> list[JointRow]:
-    """The joints of an arm; `sign` is that of its side's y."""
+    """The joints of an arm. `sign` is the sign of the arm's y."""
     turned = (_QUARTER, 0.0, 0.0 if sign > 0 else -_HALF)
     up, down = (_QUARTER, 0.0, 0.0), (-_QUARTER, 0.0, 0.0)
     back, ahead = (0.0, 0.0, -sign), (0.0, 0.0, sign)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Smooth surfaces for visual meshes: turned, lofted, rounded; and their OBJ files.
+"""Smooth surfaces for visual meshes (turned, lofted, rounded), and their OBJ files.
 
 Surfaces are stacks of rings. Shading is smooth except where a ring is given twice.
-Parts of a model may run into each other: it is only looked at.
+Parts of a model may overlap, because it is only for the eye.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ class Patch:
     """A surface of one material.
 
     Attributes:
-        vertices: (V, 3), m.
-        quads: vertex indices of its faces, (F, 4), anticlockwise from outside; the
-            first two are equal where a face is a triangle.
-        material: its name.
+        vertices: positions of the vertices, (V, 3), m.
+        quads: vertex indices of the faces, (F, 4), anticlockwise from outside. The
+            first two are equal if a face is a triangle.
+        material: name of the material.
     """
 
     vertices: Array
@@ -40,7 +40,7 @@ class Patch:
         return replace(self, vertices=turned + np.asarray(p, dtype=float))
 
     def normals(self) -> Array:
-        """Unit normals at the vertices, (V, 3): of the faces around, by area."""
+        """Unit normals at the vertices, (V, 3), averaged over faces by area."""
         crossed = _area_vectors(self.vertices, self.quads)
         sums = np.zeros_like(self.vertices)
         for corner in range(4):
@@ -53,9 +53,10 @@ def rounded(corners: ArrayLike, radii: ArrayLike, steps: int = 2) -> Array:
     """A polyline with its corners rounded off.
 
     Args:
-        corners: (N, 2).
-        radii: of each corner, (N,), or of all; 0 keeps a sharp edge. Ends are kept.
-        steps: pieces an arc is made of.
+        corners: corners of the polyline, (N, 2).
+        radii: radius at each corner, (N,), or one for all. 0 keeps a sharp edge. Ends
+            are kept.
+        steps: number of segments of an arc.
     """
     points = np.asarray(corners, dtype=float)
     r = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
@@ -86,10 +87,10 @@ def turned(profile: ArrayLike, material: str, segments: int = 32) -> Patch:
     """A surface of revolution about z.
 
     Args:
-        profile: (N, 2) radius and z, m, with the solid on the left, from the bottom
-            up; an end at radius 0 closes the surface there.
-        material: its name.
-        segments: around.
+        profile: radius and z, (N, 2), m, from the bottom up, with the solid on the
+            left. An end at radius 0 closes the surface there.
+        material: name of the material.
+        segments: number of segments around.
     """
     line = np.asarray(profile, dtype=float)
     ends: list[Array | None] = [None, None]
@@ -112,10 +113,10 @@ def oval(
     """A superellipse about `center` in a plane of constant z, (segments, 3).
 
     Args:
-        center: its middle, m.
-        half_sizes: along x and y, m.
-        power: 2 for an ellipse; the more, the squarer.
-        segments: around.
+        center: centre, m.
+        half_sizes: half sizes along x and y, m.
+        power: exponent: 2 for an ellipse, more for squarer shapes.
+        segments: number of segments around.
     """
     angle = np.linspace(0.0, 2 * np.pi, segments, endpoint=False)
     c, s = np.cos(angle), np.sin(angle)
@@ -132,8 +133,8 @@ def lofted(
     """A surface through rings of points.
 
     Args:
-        rings: (R, S, 3), m, anticlockwise seen from where the last ones are.
-        material: its name.
+        rings: points of each ring, (R, S, 3), m, anticlockwise seen from the last ring.
+        material: name of the material.
         ends: points (3,) that close the surface below the first and above the last.
     """
     stack = np.asarray(rings, dtype=float)
