@@ -2,7 +2,7 @@
 """The pinhole camera: intrinsics, and depth images to points and back.
 
 Camera frame C: x right, y down, z forward, as OpenCV, BOP and Drake have it. A depth
-image holds z in metres, 0 where nothing was measured.
+image holds z in metres, and 0 where nothing was measured.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class CameraIntrinsics:
         return rays
 
     def unproject(self, depth: DepthImage) -> Array:
-        """Points p_C (height, width, 3), m, of a depth image; zero where it is 0."""
+        """Points p_C (height, width, 3), m, of a depth image; 0 where it is 0."""
         return np.asarray(self.rays() * depth[..., None].astype(float))
 
     def project(self, p_C: Array) -> Array:

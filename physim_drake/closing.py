@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What holds processes, files or folders, and gives them up at the end of a `with`."""
+"""Objects that hold processes, files or folders, released at the end of a `with`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Self
 
 
 class Closing:
-    """A context manager that is closed at the end.
+    """A context manager that calls `close` at the end.
 
-    Not an abstract base class: Drake's systems, which have a metaclass of their own,
-    can be such things, too.
+    It is not an abstract base class, so that Drake's systems, which have a metaclass of
+    their own, can inherit from it.
     """
 
     def close(self) -> None:
-        """Gives up what it holds; may be called twice."""
+        """Releases what it holds. It may be called twice."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:

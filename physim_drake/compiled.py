@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Functions compiled by numba, and kept for the next run where there is a place.
+"""Functions compiled by numba, and kept for the next run if there is a place for them.
 
 numba keeps them beside the sources, in `NUMBA_CACHE_DIR` or in the user's cache folder.
-Where none of these may be written it refuses to work, and where a disk is full it fails
-in the midst of it. Here that costs no more than the time to compile again.
+If it may not write to any of these, it refuses to work. If a disk is full, it fails
+halfway. Here that costs no more than the time to compile again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numba.core.caching import FunctionCache
 
 
 class _OptionalCache(FunctionCache):  # type: ignore[misc]
-    """Does without the files that cannot be read or written."""
+    """A cache that ignores files that cannot be read or written."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         with suppress(OSError):
@@ -30,15 +30,15 @@ class _OptionalCache(FunctionCache):  # type: ignore[misc]
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorates a function to be compiled; other threads run meanwhile.
+    """Decorates a function that numba compiles and that releases the GIL.
 
     Args:
-        options: of `numba.njit`, beyond `cache` and `nogil`.
+        options: options of `numba.njit` other than `cache` and `nogil`.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = cast(Any, njit(nogil=True, **options)(function))
-        with suppress(RuntimeError):  # there is no place to keep it
+        with suppress(RuntimeError):  # numba finds nowhere to keep it
             dispatcher._cache = _OptionalCache(function)
         return dispatcher
 

@@ -25,8 +25,9 @@ from physim_drake.poses import (
 )
 
 SYMMETRY_STEPS = 315
-"""Turns that sample a continuous axis in MSSD and MSPD: ceil(pi / 0.01), so that no
-point moves by more than 0.01 diameter between two (bop_toolkit, max_sym_disc_step)."""
+"""Number of turns that sample a continuous axis in MSSD and MSPD: ceil(pi / 0.01), so
+that no point moves by more than 0.01 diameter between two of them (max_sym_disc_step of
+bop_toolkit)."""
 
 _TIE = np.radians(1e-6)
 _CHUNK_POINTS = 500_000
@@ -39,11 +40,12 @@ class PoseError:
     Attributes:
         rpy_mean: mean of |roll|, |pitch| and |yaw| in the object frame, rad, smallest
             over the symmetries; the rotation error of Mitash et al. 2018.
-        geodesic: rotation angle, rad, smallest over the symmetries.
-        translation: distance of the origins, m, under the symmetry that minimises
-            `geodesic` (the nearest one if several do); for a ball, of its centres.
-        candidates: (K, 2) angle (rad) and distance (m) for each discrete symmetry,
-            turned the best way about a continuous axis.
+        geodesic: rotation angle, smallest over the symmetries, rad.
+        translation: distance of the origins under the symmetry that minimises
+            `geodesic`, m, the nearest one if there are several. For a ball it is the
+            distance of the centres.
+        candidates: angle (rad) and distance (m) for each discrete symmetry, at the best
+            turn about a continuous axis, (K, 2).
     """
 
     rpy_mean: float
@@ -110,11 +112,11 @@ def add_s(points: Array, X_CO_true: Array, X_CO: Array) -> float:
     """Mean distance (m) from each true point to the nearest estimated one (ADD-S).
 
     Args:
-        points: p_OP (N, 3), m, evenly on the surface.
+        points: points p_OP spread evenly over the surface, (N, 3), m.
         X_CO_true: true pose, (4, 4), m.
         X_CO: estimate, (4, 4), m.
     """
-    # In the frame of the estimate one tree of the points serves every call.
+    # In the estimate's frame one tree of the points serves every call.
     p_true = transform_points(inverse(X_CO) @ X_CO_true, points)
     return float(np.mean(KDTree(points).query(p_true)[0]))
 
@@ -122,9 +124,9 @@ def add_s(points: Array, X_CO_true: Array, X_CO: Array) -> float:
 def symmetry_samples(symmetry: SymmetryGroup, X_CO_true: Array, X_CO: Array) -> Array:
     """The symmetries X_OS (M, 4, 4) over which MSSD and MSPD are minimised.
 
-    Continuous ones are sampled in `SYMMETRY_STEPS` turns. Of a ball only the turn about
-    its centre that brings both rotations together is taken: no other brings its
-    farthest point nearer.
+    Continuous ones are sampled in `SYMMETRY_STEPS` turns. A ball has a single sample,
+    the turn about its centre that aligns both rotations: no other brings its farthest
+    point nearer.
     """
     if symmetry.is_ball:
         R = X_CO_true[:3, :3].T @ X_CO[:3, :3]
@@ -136,8 +138,9 @@ def mssd(vertices: Array, X_CO_true: Array, X_CO: Array, X_OS: Array) -> float:
     """Maximum symmetry-aware surface distance, m (BOP challenge 2019).
 
     Args:
-        vertices: p_OV (N, 3), m. Those of the convex hull give the same result: the
-            distance is convex in the point, so a vertex of the hull is farthest.
+        vertices: vertices p_OV of the mesh, (N, 3), m. Those of its convex hull give
+            the same result: the distance is convex in the point, so a vertex of the
+            hull is farthest.
         X_CO_true: true pose, (4, 4), m.
         X_CO: estimate, (4, 4), m.
         X_OS: symmetries (M, 4, 4) of `symmetry_samples`.
@@ -159,11 +162,11 @@ def mspd(
     """Maximum symmetry-aware projection distance, px (BOP challenge 2019).
 
     Args:
-        vertices: all those of the mesh, p_OV (N, 3), m.
+        vertices: all vertices p_OV of the mesh, (N, 3), m.
         X_CO_true: true pose, (4, 4), m.
         X_CO: estimate, (4, 4), m.
         X_OS: symmetries (M, 4, 4) of `symmetry_samples`.
-        intrinsics: the camera.
+        intrinsics: camera of the image.
     """
     estimated = intrinsics.project(transform_points(X_CO, vertices))
     return min(
@@ -204,8 +207,8 @@ def _nearest_symmetries(R_true_est: Array, symmetry: SymmetryGroup) -> Array:
 def _least_rpy_mean(R_true_est: Array, symmetry: SymmetryGroup) -> float:
     """Smallest `mean_rpy` over the symmetries, rad.
 
-    It has no closed form for a continuous axis: searched in steps of 1 degree, then
-    refined within a step about the best.
+    For a continuous axis there is no closed form. It is searched in steps of 1 degree,
+    then refined within one step of the best.
     """
     R_SO = np.swapaxes(symmetry.discrete[:, :3, :3], 1, 2)
     if not symmetry.axes:

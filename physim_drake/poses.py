@@ -45,8 +45,8 @@ def transform_points(X_AB: Array, p_B: Array) -> Array:
 def exp_pose(xi: Array) -> Array:
     """Returns poses (..., 4, 4) for small motions `xi` (..., 6): rotation vector, m.
 
-    Rotation and translation are applied apart (X = [exp(w) v; 0 1]), which is the
-    update every solver here uses.
+    Rotation and translation are applied separately (X = [exp(w) v; 0 1]), as all
+    solvers here do.
     """
     flat = np.reshape(xi, (-1, 6))
     X = np.zeros((len(flat), 4, 4))
@@ -94,15 +94,15 @@ class ContinuousAxis:
     """An axis in O about which the object looks the same at every angle.
 
     Attributes:
-        axis: unit vector, (3,).
-        point: a point on the axis, (3,), m.
+        axis: direction of the axis, a unit vector (3,).
+        point: point on the axis, (3,), m.
     """
 
     axis: Array
     point: Array
 
     def pose(self, angle: float) -> Array:
-        """The (4, 4) symmetry that turns the object by `angle` (rad) on itself."""
+        """The (4, 4) symmetry that turns the object onto itself by `angle` (rad)."""
         R = Rotation.from_rotvec(angle * self.axis).as_matrix()
         return make_pose(R, self.point - R @ self.point)
 
@@ -112,11 +112,11 @@ class SymmetryGroup:
     """The rigid motions that map an object onto itself.
 
     Every element is a discrete one, or a discrete one after a turn about the
-    continuous axis. Two or more continuous axes that are not parallel make a ball.
+    continuous axis. If two continuous axes are not parallel, the object is a ball.
 
     Attributes:
-        discrete: X_OS, (K, 4, 4), the identity first.
-        axes: the continuous axes.
+        discrete: discrete motions X_OS, (K, 4, 4), the identity first.
+        axes: continuous axes.
     """
 
     discrete: Array = field(default_factory=lambda: np.eye(4)[None])
@@ -132,7 +132,7 @@ class SymmetryGroup:
 
     @property
     def centre(self) -> Array:
-        """The point nearest to all continuous axes, (3,), m; the origin for none."""
+        """The point nearest to all continuous axes, (3,), m, or the origin."""
         if not self.axes:
             return np.zeros(3)
         projectors = [np.eye(3) - np.outer(a.axis, a.axis) for a in self.axes]
@@ -151,11 +151,11 @@ class SymmetryGroup:
 
         Args:
             R_WA: rotations, (N, 3, 3), or one, (3, 3).
-            R_WB: rotations, (M, 3, 3), or one; of the same number if not pairwise.
-            pairwise: every A against every B.
+            R_WB: rotations, (M, 3, 3), or one, (3, 3). Unless `pairwise`, M is N.
+            pairwise: whether to compare every A with every B.
 
         Returns:
-            (N,), or (N, M) where pairwise.
+            (N,), or (N, M) if pairwise.
         """
         q_A = Rotation.from_matrix(R_WA.reshape(-1, 3, 3)).as_quat()
         R_WB = R_WB.reshape(-1, 3, 3)
@@ -179,8 +179,8 @@ class SymmetryGroup:
     def sampled(self, steps: int = 36) -> Array:
         """All symmetries, (K * steps, 4, 4): continuous turns in `steps` steps.
 
-        A ball is sampled about three axes, which is enough for distances between
-        surfaces but not for its rotations.
+        A ball is sampled about three axes. This is enough for distances between
+        surfaces, but not for rotations.
         """
         poses = [self.discrete]
         for axis in self.axes:

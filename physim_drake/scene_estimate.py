@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The result of an estimation: where every object is, and how sure that is."""
+"""The result of an estimation: the pose of every object, and its confidence."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ class ObjectEstimate:
     """One object's pose, if it was found.
 
     Attributes:
-        object_id: which object.
-        name: its name.
-        X_CO: its pose in the camera, (4, 4), or None.
-        X_WO: its pose in the world, (4, 4), or None; without a camera pose the world
-            is the support frame.
-        confidence: 0..1: the share of its visible pixels whose rendered and measured
-            depth agree within 1 cm, times the share of its segment that the estimated
-            scene explains; divided among its poses where others explain the image about
-            as well. 0 where it was not found.
-        reason: why it was not found, else empty.
+        object_id: id of the object.
+        name: name of the object.
+        X_CO: pose in the camera, (4, 4), or None.
+        X_WO: pose in the world, (4, 4), or None. Without a camera pose the world is the
+            support frame.
+        confidence: confidence, 0..1: the share of its visible pixels whose rendered and
+            measured depth agree within 1 cm, times the share of its segment that the
+            estimated scene explains. It is divided among its poses if others explain
+            the image about as well, and 0 if the object was not found.
+        reason: reason why it was not found, else empty.
     """
 
     object_id: int
@@ -65,10 +65,10 @@ class SearchTrace:
     """The anytime curve of one group's search, with poses in the camera.
 
     Attributes:
-        indices: which of the estimate's objects the group holds, in placing order.
+        indices: indices of the group's objects in the estimate, in placing order.
         points: (expansion, seconds, best score in pixels, X_CO (N, 4, 4)), one each
             time the best score rose.
-        expansions: made in all.
+        expansions: number of expansions in all.
     """
 
     indices: tuple[int, ...]
@@ -97,15 +97,15 @@ class SceneEstimate:
     """The estimated scene.
 
     Attributes:
-        objects: one for each detection, in its order.
-        surface: what they rest on.
-        method: how it was made.
+        objects: one estimate for each detection, in their order.
+        surface: surface that the objects rest on.
+        method: method that made the estimate.
         stages: seconds by stage.
-        trace: the anytime curve of each independent group that was searched.
-        detections: where each object was looked for: what was given, or where it has
-            rivals, those by which more of the image is explained.
-        warning: what the input seems to have wrong as a whole, else empty; the reasons
-            of objects that were not found end with it.
+        trace: anytime curve of each independent group that was searched.
+        detections: detection by which each object was looked for: the given one, or,
+            if it has alternatives, the one that explains more of the image.
+        warning: fault that the whole input seems to have, else empty. The reasons of
+            objects that were not found end with it.
     """
 
     objects: tuple[ObjectEstimate, ...]
@@ -123,11 +123,11 @@ class SceneEstimate:
 
     @property
     def seconds(self) -> float:
-        """Of all stages together."""
+        """Time of all stages together, s."""
         return sum(self.stages.values())
 
     def reason_alone(self, item: ObjectEstimate) -> str:
-        """Why one of its objects was not found, without the warning about all."""
+        """Why an object was not found, without the warning about the whole input."""
         return item.reason.removesuffix(f"; {self.warning}")
 
     def __str__(self) -> str:
@@ -151,7 +151,7 @@ class SceneEstimate:
         return warning + table_html(heads, rows)
 
     def _cells(self, item: ObjectEstimate) -> tuple[str, str, str]:
-        """Position, orientation and confidence in print, or why there are none."""
+        """Position, orientation and confidence in print, or why it was not found."""
         if item.X_WO is None:
             return f"not found ({self.reason_alone(item)})", "", ""
         rpy = RollPitchYaw(RotationMatrix(item.X_WO[:3, :3])).vector()
@@ -165,14 +165,14 @@ class SceneEstimate:
         """Writes the found objects as Drake model directives, each welded in place.
 
         Args:
-            library: the objects' models.
-            folder: where `scene.dmd.yaml` and the models' SDFs go; made if missing.
+            library: models of the objects.
+            folder: folder for `scene.dmd.yaml` and the models' SDFs, made if missing.
 
         Returns:
-            the directives' file; its paths hold as long as the folder stays.
+            the directives' file. Its paths hold as long as the folder is not moved.
 
         Raises:
-            InputError: where the folder cannot be written.
+            InputError: if the folder cannot be written.
         """
         folder = Path(folder)
         directives: list[Directive] = []

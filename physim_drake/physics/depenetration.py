@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Shifts an object out of what it penetrates, before physics takes over.
 
-A contact solver turns centimetres of overlap into metres per second; a few
-least-squares shifts on the distance fields remove most of it at rest.
+A contact solver turns centimetres of overlap into metres per second. A few
+least-squares shifts on the distance fields remove most of it without motion.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ def depenetrate(
     Overlap is judged at the surface points of both bodies, and with the plane z = 0.
 
     Args:
-        model: the object.
-        X_SO: its pose, (4, 4).
-        placed: the objects that stay, with their X_SO.
+        model: model of the object.
+        X_SO: pose of the object, (4, 4).
+        placed: models and poses X_SO of the objects that stay.
 
     Returns:
-        the shifted X_SO; what overlap it cannot remove, it leaves.
+        the shifted X_SO. Some overlap may remain.
     """
     X = X_SO.copy()
     own = registration_model(model)
@@ -55,7 +55,7 @@ def depenetrate(
         depth, direction = np.concatenate(depths), np.concatenate(directions)
         if depth.max() < _TOLERANCE:
             break
-        # Deep points decide: they need the shift, shallow ones come free with it.
+        # Deep points get more weight: the shift that they need also frees shallow ones.
         weight = depth / depth.max()
         A = np.einsum("n,ni,nj->ij", weight, direction, direction)
         b = (weight * depth) @ direction

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Lets one object come to rest among objects that stay where they are.
 
-One small plant a free object, every other object welded to a frame whose pose is a
-parameter of the context, so that placing it costs microseconds and nothing is rebuilt.
-Contact is hydroelastic, the free object compliant and the rest rigid.
+Each free object has a small plant of its own. Every other object is welded to a frame
+whose pose is a parameter of the context, so that placing it costs microseconds and
+nothing is rebuilt. Contact is hydroelastic: the free object is compliant, the rest are
+rigid.
 
 The table is a half space on the world body. On a body of its own, welded to the world,
 settling crashed now and then in the update of the broad phase (Drake 1.51; presumably
 its unbounded box upsets the tree of moving geometry). No joint may be locked here,
-since contact with world geometry would then crash, too.
+since contact with world geometry would then crash as well.
 """
 
 from __future__ import annotations
@@ -58,21 +59,22 @@ class SettleConfig:
     """When to stop, and how to integrate.
 
     Attributes:
-        time_step: of the discrete solver, s.
-        max_time: settling ends after this much simulated time, s.
-        rest_speed: an object is at rest when it has got on no faster than this over
-            `rest_steps` steps, m/s, or rad/s times its radius. What counts is where it
-            is, not its speed at the moment: a body that rests may chatter.
-        rest_steps: see above.
-        lost_distance: an object that moves farther than this from where it began
-            has lost its hold, and is not followed any farther, m.
-        gravity: m/s^2.
-        hydroelastic_modulus: of the free object, Pa.
-        dissipation: Hunt-Crossley, s/m; bodies part no faster than its inverse, so
-            overlap is not thrown apart (the SAP approximation would ignore it).
-        damping_time: the free object's motion dies away with this time constant, s
-            (the original system damps as heavily). It turns settling into creeping
-            to rest: penetration is pushed out without a jump, and nothing rolls off.
+        time_step: step of the discrete solver, s.
+        max_time: simulated time after which settling ends, s.
+        rest_speed: mean speed over `rest_steps` steps below which an object is at
+            rest, m/s, or rad/s times its radius. It is measured between poses, not
+            read from the velocity, because a body that rests may chatter.
+        rest_steps: number of steps that `rest_speed` is measured over.
+        lost_distance: distance from the start beyond which an object has lost its
+            hold and is no longer followed, m.
+        gravity: acceleration of gravity, m/s^2.
+        hydroelastic_modulus: modulus of the free object, Pa.
+        dissipation: Hunt-Crossley dissipation, s/m. Bodies separate no faster than its
+            inverse, so that overlap does not throw them apart. The SAP approximation
+            would ignore it.
+        damping_time: time constant with which the free object's motion decays, s. The
+            original system damps as heavily. The object then creeps to rest:
+            penetration is pushed out without a jump, and nothing rolls off.
     """
 
     time_step: float = 0.01
@@ -91,9 +93,10 @@ class Settled:
     """Where an object came to rest.
 
     Attributes:
-        X_SO: its pose, (4, 4).
+        X_SO: pose of the object, (4, 4).
         at_rest: whether it stopped within the time limit.
-        lost: whether it lost its hold, or the solver gave up; worthless then.
+        lost: whether it lost its hold or the solver gave up. The pose is then
+            meaningless.
         time: simulated time, s.
     """
 
@@ -107,9 +110,10 @@ class Settler:
     """Settles one object among fixed others on the plane z = 0 of frame S.
 
     Args:
-        model: the object that moves.
-        others: the objects that may be placed, in the order `settle` refers to.
-        config: when to stop.
+        model: model of the object that moves.
+        others: models of the objects that may be placed, in the order of the indices
+            that `settle` takes.
+        config: limits and constants of the simulation.
     """
 
     def __init__(
@@ -161,8 +165,8 @@ class Settler:
         """Drops the object from a pose and waits until it rests.
 
         Args:
-            X_SO: where it starts, (4, 4).
-            placed: X_SO of those others that are in the scene, by their index.
+            X_SO: pose at the start, (4, 4).
+            placed: poses X_SO of the others that are in the scene, by index.
         """
         for n, slot in enumerate(self._slots):
             pose = RigidTransform(placed[n]) if n in placed else _PARKED
@@ -177,10 +181,13 @@ class Settler:
         return Settled(self._pose(), at_rest, lost, self._root.get_time())
 
     def _advance(self, start: Array) -> tuple[bool, bool]:
-        """Steps until the body rests or is lost; says which, or neither in time.
+        """Steps until the body rests, is lost, or has no time left.
 
-        A loop costs no more than a simulator's monitor, and runs no Python (nor its
-        garbage collector) in the midst of a step.
+        A loop costs no more than a simulator's monitor, and runs neither Python nor
+        its garbage collector in the middle of a step.
+
+        Returns:
+            whether the body rests, and whether it is lost.
         """
         config = self._config
         self._simulator.Initialize()
@@ -202,14 +209,14 @@ class Settler:
         return np.asarray(pose.GetAsMatrix4())
 
     def _travel(self, X: Array, Y: Array) -> float:
-        """How far apart two poses are: the farther of shift and turn on the rim, m."""
+        """Distance between two poses: the larger of shift and turn at the rim, m."""
         turn = float(rotation_angle(X[:3, :3].T @ Y[:3, :3]))
         return max(math.dist(X[:3, 3], Y[:3, 3]), turn * self._radius)
 
 
 @contextmanager
 def _without_remark_on_half_spaces() -> Iterator[None]:
-    """Drake remarks in every context that the table would not touch soft bodies."""
+    """Mutes Drake's remark, in every context, that the table ignores soft bodies."""
 
     def wanted(record: logging.LogRecord) -> bool:
         return "half spaces are not" not in record.getMessage()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A shape against points: distance field, trimmed ICP, LCP."""
+"""Registration of a shape to points: distance field, trimmed ICP, LCP."""
 
 import lazy_loader
 

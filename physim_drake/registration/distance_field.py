@@ -2,8 +2,8 @@
 """Signed distance to an object's surface, tabulated once, looked up in nanoseconds.
 
 Registration asks for the nearest model surface millions of times an image. A grid of
-exact distances, interpolated trilinearly, answers without a tree: on flat faces it is
-exact, on a cylinder of radius r it errs by at most spacing^2 / (8 r).
+exact distances, interpolated trilinearly, answers without a tree. It is exact on flat
+faces. On a cylinder of radius r its error is at most spacing^2 / (8 r).
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class DistanceField:
     """Signed distances to a surface on a regular grid, negative inside.
 
     Attributes:
-        origin: p_O of the grid's first node, (3,), m.
+        origin: position p_O of the grid's first node, (3,), m.
         spacing: distance between nodes, m.
-        values: (nx, ny, nz) float32, m.
+        values: distances at the nodes, (nx, ny, nz) float32, m.
     """
 
     origin: Array
@@ -71,7 +71,7 @@ class DistanceField:
 
         Returns:
             Signed distances (N,), m, and gradients (N, 3), which point away from the
-            surface; outside the grid both continue linearly from its border.
+            surface. Outside the grid both continue linearly from its border.
         """
         return self.query_posed(np.eye(4), p_O)
 
@@ -97,9 +97,9 @@ class DistanceField:
 def build_distance_field(mesh: trimesh.Trimesh) -> DistanceField:
     """Tabulates the signed distance to `mesh` (metres) with a margin of 30 mm.
 
-    Distances are exact (to triangles) within two cells of the surface, and too large by
-    up to a cell beyond. The inside is what a flood from outside cannot reach, so
-    cracks narrower than a cell do no harm.
+    Distances to the triangles are exact within two cells of the surface, and too large
+    by up to a cell beyond. A flood from outside cannot reach the inside, even
+    through cracks narrower than a cell.
     """
     low, high = mesh.bounds
     size = high - low + 2 * _MARGIN
@@ -170,8 +170,8 @@ def _block_distances(
     squared = np.einsum("nki,nki->nk", offsets, offsets)
     best = squared.argmin(axis=1)
     rows = np.arange(count)
-    # On an edge several faces are equally near; the one the point is most clearly on
-    # a side of decides.
+    # On an edge several faces are equally near. The face whose side the point is on
+    # most clearly decides.
     heights = np.einsum(
         "nki,nki->nk", offsets, mesh.face_normals[faces].reshape(count, k, 3)
     )
@@ -219,7 +219,7 @@ def lookup(
     fx = (x - origin[0]) * inverse_spacing
     fy = (y - origin[1]) * inverse_spacing
     fz = (z - origin[2]) * inverse_spacing
-    # Outside, look up the border and add the way to it.
+    # Outside, look up the border and add the distance to it.
     cx = min(max(fx, 0.0), nx - 1.001)
     cy = min(max(fy, 0.0), ny - 1.001)
     cz = min(max(fz, 0.0), nz - 1.001)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Normal equations of a Gauss-Newton step over the poses of several objects.
 
-Six unknowns an object: a turn w (rad) about its origin, then a shift v (m). As the
-object moves, the signed distance d of a fixed point p to it changes by
--(r x g . w + g . v), with g the distance's gradient and r = p - origin; a point of the
-object itself changes its distance to another one by the opposite.
+Each object has six unknowns: a turn w (rad) about its origin, then a shift v (m). As
+the object moves, the signed distance d of a fixed point p to it changes by
+-(r x g . w + g . v), with g the distance's gradient and r = p - origin. The distance of
+a point of the object itself to another one changes by the opposite.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ class NormalEquations:
     """Accumulates J^T W J and J^T W r.
 
     Attributes:
-        A: (6 N, 6 N) for N objects.
-        b: (6 N,).
+        A: left side, (6 N, 6 N) for N objects.
+        b: right side, (6 N,).
 
     Args:
-        origins: of the objects, (N, 3), m.
+        origins: origins of the objects, (N, 3), m.
     """
 
     def __init__(self, origins: Array) -> None:
@@ -34,7 +34,7 @@ class NormalEquations:
     def add(
         self, n: int, points: Array, gradients: Array, residuals: Array, weights: Array
     ) -> None:
-        """Adds fixed points near object `n`: (N, 3), (N, 3), (N,), (N,)."""
+        """Adds fixed points (N, 3) near object `n`, with residuals and weights (N,)."""
         self.add_between(n, -1, points, gradients, residuals, weights)
 
     def add_between(
@@ -48,7 +48,7 @@ class NormalEquations:
     ) -> None:
         """Adds points that move with object `m`, by their distances to object `n`.
 
-        Either may be -1: what does not move.
+        Either may be -1, for a thing that does not move.
         """
         _add(self.A, self.b, self._origins, n, m, points, gradients, residuals, weights)
 
@@ -60,14 +60,14 @@ class NormalEquations:
         gate: float,
         scale: float,
     ) -> None:
-        """Adds fixed points, each for the object it is nearest to.
+        """Adds fixed points, each for the object that it is nearest to.
 
         Args:
-            points: (N, 3), m.
-            distances: to each object, (K, N), m.
-            gradients: of the distances, (K, N, 3).
-            gate: points farther than this from every object do not count, m.
-            scale: of the Geman-McClure weights, m.
+            points: positions of the points, (N, 3), m.
+            distances: distances to each object, (K, N), m.
+            gradients: gradients of the distances, (K, N, 3).
+            gate: distance from every object beyond which a point does not count, m.
+            scale: scale of the Geman-McClure weights, m.
         """
         nearest = np.abs(distances).argmin(axis=0)
         for n in range(len(distances)):
@@ -81,8 +81,8 @@ class NormalEquations:
         """The step (N, 6) that lowers every residual.
 
         Args:
-            damping: of shifts, against the mean of what determines them; turns are
-                damped as shifts are at 5 cm.
+            damping: damping of shifts, relative to the mean of their diagonal
+                entries. Turns are damped as shifts at a lever of 5 cm are.
         """
         shifts = np.tile([False, False, False, True, True, True], len(self._origins))
         scale = max(float(self.A.diagonal()[shifts].mean()), 1e-9)
@@ -92,7 +92,7 @@ class NormalEquations:
 
 
 def geman_mcclure(residual: Array, scale: float) -> Array:
-    """Weights that fade where residuals exceed `scale`."""
+    """Weights that fade for residuals beyond `scale`."""
     return np.asarray(1 / np.square(1 + np.square(residual / scale)))
 
 

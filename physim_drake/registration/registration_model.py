@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What aligning, settling and refining need of an object's shape, made once."""
+"""The data about an object's shape that registration and settling use, made once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from physim_drake.registration.distance_field import DistanceField, build_distan
 SURFACE_POINTS = 450
 
 NEARLY = 0.1
-"""Of the diameter: a turned object whose surface is off by less looks much the same."""
+"""Share of the diameter. A turn that moves the surface by less leaves its looks."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class RegistrationModel:
 
     Attributes:
         distance_field: signed distance to the surface.
-        points: an even sample of the surface, p_O (N, 3), m.
-        normals: its outward normals, (N, 3).
+        points: points p_O spread evenly over the surface, (N, 3), m.
+        normals: outward normals at the points, (N, 3).
     """
 
     distance_field: DistanceField
@@ -34,7 +34,7 @@ class RegistrationModel:
 
 @lru_cache(maxsize=256)
 def registration_model(model: ObjectModel) -> RegistrationModel:
-    """Tabulates an object; the last 256 are kept."""
+    """Tabulates an object. The last 256 are kept."""
     points, normals = model.surface_sample(SURFACE_POINTS)
     return RegistrationModel(build_distance_field(model.mesh), points, normals)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Aligning an object's distance field to observed points: scores and trimmed ICP.
+"""Aligns an object's distance field with observed points: scores and trimmed ICP.
 
 All functions take many poses at once. The nearest surface point of an observed point
 is read off the model's `DistanceField`, so no correspondence search is needed.
@@ -28,13 +28,13 @@ class TrimmedIcpConfig:
     """How trimmed ICP weighs points (Chetverikov et al. 2002).
 
     Attributes:
-        keep: share of the points that count, those nearest to the model.
-        soft: whether a point counts the less, the nearer it is to the farthest that
-            counts (Tukey's biweight), or all that count do so alike.
-        iterations: at most this many Gauss-Newton steps.
-        cutoff: points farther than this never count, m.
-        cos_normal: least cosine between observed and model normal of a point.
-        tolerance: stops when a step is smaller, in m and rad.
+        keep: share of the points that count, the nearest ones to the model.
+        soft: whether the weights of those points fall with distance (Tukey's
+            biweight). Otherwise all weights are the same.
+        iterations: largest number of Gauss-Newton steps.
+        cutoff: distance beyond which a point does not count, m.
+        cos_normal: least cosine of the angle between observed and model normal.
+        tolerance: step below which iteration stops, m and rad.
     """
 
     keep: float = 1.0
@@ -60,12 +60,12 @@ def lcp_scores(
     """Largest-common-pointset scores: the share of points within delta of the model.
 
     Args:
-        field: the model's distance field.
+        field: distance field of the model.
         X_SO: poses, (M, 4, 4).
-        points: observed p_S, (N, 3), m.
-        normals: their unit normals, (N, 3); a point counts only where the model's
-            agrees.
-        deltas: the distance, m, or several (K).
+        points: observed points p_S, (N, 3), m.
+        normals: unit normals of the points, (N, 3). A point counts only if the model's
+            normal agrees with it.
+        deltas: distance, m, or several distances, (K,).
         cos_normal: least cosine of the angle between the normals.
 
     Returns:
@@ -95,19 +95,19 @@ def trimmed_icp(
 ) -> tuple[Array, Array]:
     """Moves each pose so that the nearest share of the points lies on the model.
 
-    Point-to-surface Gauss-Newton with the trimming of Chetverikov et al. 2002 and a
-    slight damping, which keeps directions that the points do not determine.
+    It is point-to-surface Gauss-Newton with the trimming of Chetverikov et al. 2002. A
+    slight damping keeps directions that the points do not determine.
 
     Args:
-        field: the model's distance field.
-        X_SO: starting poses, (M, 4, 4).
-        points: observed p_S, (N, 3), m.
-        normals: their unit normals, (N, 3).
-        config: trimming and stopping.
+        field: distance field of the model.
+        X_SO: poses at the start, (M, 4, 4).
+        points: observed points p_S, (N, 3), m.
+        normals: unit normals of the points, (N, 3).
+        config: rules for trimming and stopping.
 
     Returns:
         Refined poses (M, 4, 4), and the root mean square distance (M,), m, of the
-        points that counted (infinite where fewer than six did).
+        points that counted. It is infinite if fewer than six did.
     """
     poses = np.array(X_SO, dtype=float)
     residuals = np.full(len(poses), np.inf)
@@ -135,7 +135,7 @@ def _lcp(
 ) -> None:
     values, origin, inverse_spacing = field
     nx, ny, nz = values.shape
-    # No distance changes by more than the way from a point to its nearest node.
+    # No distance differs by more than that from a point to its nearest node.
     farthest = deltas.max()
     far = np.float32(farthest + 0.87 / inverse_spacing)
     for m in range(len(poses)):
@@ -185,7 +185,7 @@ def _trimmed_icp(
     for n in range(count):
         centre += points[n] / count
     kept = max(6, int(keep * count))
-    rows = np.empty((count, 7))  # of the Jacobian, and the distance
+    rows = np.empty((count, 7))  # rows of the Jacobian, and the distance
     magnitude, scratch = np.empty(count), np.empty(count)
     A, b = np.empty((6, 6)), np.empty(6)
     for m in range(len(poses)):
@@ -222,7 +222,7 @@ def _linearise(
     rows: Array,
     magnitude: Array,
 ) -> None:
-    """Distances of points, by how much they count, and how the pose changes them."""
+    """Weighted distances of points, and their derivatives by the pose."""
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         dx, dy, dz = x - X[0, 3], y - X[1, 3], z - X[2, 3]
@@ -251,7 +251,7 @@ def _linearise(
 def _accumulate(
     rows: Array, magnitude: Array, threshold: float, soft: bool, A: Array, b: Array
 ) -> tuple[int, float]:
-    """Normal equations of the rows that count; how many do, and their squares' sum."""
+    """Normal equations, number and sum of squares of the rows that count."""
     A[:], b[:] = 0.0, 0.0
     used, squares = 0, 0.0
     for n in range(len(rows)):

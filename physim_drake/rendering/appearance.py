@@ -13,7 +13,7 @@ from physim_drake.objects.containers import Container
 from physim_drake.poses import Array
 
 Texture = NDArray[np.uint8]
-"""(height, width, 3) RGB."""
+"""RGB image, (height, width, 3)."""
 
 _SIZE = 512  # px
 
@@ -25,11 +25,11 @@ class Light:
     Attributes:
         kind: "point", "spot" or "directional".
         color: RGB, 0..1.
-        intensity: 1 lights a surface that faces it fully.
-        position: (3,), m, in its frame.
-        direction: where it shines, (3,), in its frame.
+        intensity: brightness; 1 fully lights a surface that faces the light.
+        position: position in its frame, (3,), m.
+        direction: direction of the light in its frame, (3,).
         frame: "world" or "camera".
-        cone_angle: of a spot, between its axis and its rim, degrees.
+        cone_angle: angle between the axis and the rim of a spot, degrees.
     """
 
     kind: str
@@ -46,10 +46,10 @@ class Appearance:
     """Lights and surfaces of a scene.
 
     Attributes:
-        lights: at least one.
-        shadows: whether lights cast them.
-        background: RGB, 0..1, where there is nothing.
-        texture_seed: of the container's textures.
+        lights: lights, at least one.
+        shadows: whether the lights cast shadows.
+        background: RGB of pixels that show nothing, 0..1.
+        texture_seed: seed of the container's textures.
     """
 
     lights: tuple[Light, ...]

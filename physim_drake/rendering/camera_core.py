@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What Drake's renderers need to know of a camera."""
+"""A camera in the terms of Drake's renderers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydrake.systems.sensors import CameraInfo
 from physim_drake.camera import CameraIntrinsics
 
 NEAR, FAR = 0.05, 8.0
-"""What is nearer or farther is not rendered, m."""
+"""Nothing that is nearer or farther is rendered, m."""
 
 
 def camera_core(
@@ -22,10 +22,10 @@ def camera_core(
     """A camera for one of a scene graph's renderers.
 
     Args:
-        intrinsics: of the images.
-        engine: the renderer's name.
-        far: what is farther is not rendered, m.
-        X_BS: pose of the camera in the sensor's body; the body's own by default.
+        intrinsics: intrinsics of the images.
+        engine: name of the renderer.
+        far: distance beyond which nothing is rendered, m.
+        X_BS: pose of the camera in the sensor's body; the identity by default.
     """
     # Drake's pixel centres lie at half integers.
     info = CameraInfo(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names written into pictures, on dark grounds that do not cover each other."""
+"""Names in pictures, on dark backgrounds that do not cover each other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def font_scale(canvas: NDArray[np.uint8]) -> float:
-    """The size of letters that suits a picture's width."""
+    """The size of letters that suits the width of a picture."""
     return float(canvas.shape[1]) / 1280
 
 
@@ -21,7 +21,7 @@ class Captions:
     """Writes names into one picture.
 
     Args:
-        canvas: (height, width, 3) RGB, which is written into.
+        canvas: RGB picture that is written into, (height, width, 3).
     """
 
     def __init__(self, canvas: NDArray[np.uint8]) -> None:
@@ -32,14 +32,14 @@ class Captions:
     def write(
         self, text: str, column: int, bottom: int, color: Color, *, centred: bool
     ) -> None:
-        """Writes above `bottom`; where that is taken, next above, else below.
+        """Writes above `bottom`. If that is taken, it writes next above, or else below.
 
         Args:
-            text: what to write.
-            column: where it begins or, `centred`, has its middle, px.
-            bottom: the row that it stays above, px.
-            color: of the letters, made lighter.
-            centred: see `column`.
+            text: text to write.
+            column: column of the text's left end, or of its middle if `centred`, px.
+            bottom: row that the text stays above, px.
+            color: colour of the letters before it is made lighter.
+            centred: whether the text is centred on `column`.
         """
         (width, height), below = cv2.getTextSize(text, FONT, self._scale, 1)
         width, height = width + 4, height + below + 4

@@ -39,7 +39,7 @@ _DIVERGING = np.array(
 
 
 def object_color(k: int) -> Color:
-    """The colour that object `k` has in every picture; they repeat after ten."""
+    """The colour of object `k` in every picture. Colours repeat after ten."""
     return _OBJECTS[k % len(_OBJECTS)]
 
 
@@ -47,7 +47,7 @@ def diverging_colors(share: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Colours (..., 3) of values from -1, blue, over 0, white, to 1, red.
 
     Args:
-        share: the values; beyond -1 and 1 the colours stay the same.
+        share: values. Beyond -1 and 1 the colours stay the same.
     """
     places = np.linspace(-1.0, 1.0, len(_DIVERGING))
     channels = [np.interp(share, places, channel) for channel in _DIVERGING.T]

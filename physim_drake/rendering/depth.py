@@ -39,10 +39,10 @@ class DepthRenderer:
     """Renders depth images of one object at a time.
 
     Args:
-        models: the objects, by id.
-        intrinsics: of the camera.
+        models: models of the objects, by id.
+        intrinsics: intrinsics of the camera.
 
-    A renderer holds an OpenGL context: make one a process and keep it.
+    A renderer holds an OpenGL context. Make one in each process and keep it.
     """
 
     def __init__(
@@ -75,11 +75,11 @@ class DepthRenderer:
         """Renders the object alone.
 
         Args:
-            object_id: which object.
-            X_CO: its pose in the camera, (4, 4).
+            object_id: id of the object.
+            X_CO: pose of the object in the camera, (4, 4).
 
         Returns:
-            (height, width) float32, z in m, 0 where the object is not.
+            Depth z, m, (height, width) float32, 0 beside the object.
         """
         X_OC = RigidTransform(inverse(X_CO))
         image = self._query.RenderDepthImage(
@@ -92,7 +92,7 @@ class DepthRenderer:
         return depth
 
     def window(self, object_id: int, X_CO: Array) -> DepthWindow:
-        """The part of `render`'s image that the object is in."""
+        """The part of `render`'s image that shows the object."""
         return crop(self.render(object_id, X_CO))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Draws what was seen, and what it was taken for, in Meshcat."""
+"""Draws observed points and estimated objects in Meshcat."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def draw_estimate(
     library: ObjectLibrary,
     opacity: float = 0.5,
 ) -> None:
-    """Draws the found objects where they are estimated to be, in the world.
+    """Draws the found objects at their estimated poses in the world.
 
-    Each is coloured from red to green by its confidence, and its path says what it is:
+    Each is coloured from red to green by its confidence. Its path is
     ``<path>/<index> <name> <confidence>``.
 
     Args:
-        meshcat: where.
-        path: below which; what was there goes.
-        estimate: the objects.
-        library: their models.
-        opacity: 0 for invisible, 1 for opaque.
+        meshcat: Meshcat to draw in.
+        path: path above the objects. What was below it is deleted.
+        estimate: estimate whose objects are drawn.
+        library: models of the objects.
+        opacity: opacity, from 0 for invisible to 1 for opaque.
     """
     meshcat.Delete(path)
     for index, item in enumerate(estimate.objects):
@@ -69,12 +69,12 @@ def draw_cloud(
     """Draws the points of an image in the world, in their colours.
 
     Args:
-        meshcat: where.
-        path: of the cloud.
-        observation: the image; its points are grey where it has no colour.
+        meshcat: Meshcat to draw in.
+        path: path of the cloud.
+        observation: image. Without colour its points are grey.
         X_WC: pose of the camera, (4, 4).
-        stride: one pixel in this many is drawn, along rows and columns.
-        point_size: m.
+        stride: step between pixels that are drawn, along rows and columns.
+        point_size: size of a point, m.
     """
     every = (slice(None, None, stride), slice(None, None, stride))
     depth = observation.depth[every]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Pictures that show at a glance whether an estimate is right.
 
-On the left the colour image with each estimated model tinted, outlined and named; on
-the right how far each model's surface lies from the measured one.
+The left half is the colour image with each estimated model tinted, outlined and named.
+The right half shows how far each model's surface lies from the measured one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from physim_drake.storage.files import write_atomically
 Image = NDArray[np.uint8]
 
 RESIDUAL_RANGE = 0.02
-"""The colour scale of the depth residuals ends at plus and minus this, m."""
+"""Depth residual at either end of the colour scale, m."""
 
 _TINT = 0.4
 _DIM = 0.35
@@ -39,8 +39,8 @@ class SceneLabels:
     """What the estimated objects look like from the camera.
 
     Attributes:
-        depth: (height, width) float32, m, 0 where no object is.
-        labels: (height, width) index into the estimate's objects, -1 where none is.
+        depth: depth, m, (height, width) float32, 0 beside the objects.
+        labels: index into the estimate's objects, (height, width), or -1.
     """
 
     depth: DepthImage
@@ -55,15 +55,15 @@ def draw_overlay(
 ) -> Image:
     """Draws an estimate over its image, beside a map of the depth residuals.
 
-    The residual is rendered minus measured depth: blue where the model is nearer to
-    the camera than what was measured, red where it is farther, white where they agree,
-    dark grey where nothing was measured.
+    The residual is rendered minus measured depth. It is blue where the model is nearer
+    to the camera than what was measured, red where it is farther, and white where they
+    agree. Pixels without a measurement are dark grey.
 
     Args:
-        observation: the image; drawn from depth where it has no colour.
-        estimate: the objects in it.
-        library: their models.
-        renderer: of these models and this camera, where there is one already.
+        observation: image. Without colour its depth is drawn.
+        estimate: estimate of the objects in it.
+        library: models of the objects.
+        renderer: renderer of these models and this camera, if you have one already.
 
     Returns:
         (height, 2 width, 3) uint8 RGB.
@@ -81,7 +81,7 @@ def draw_overlay(
 def render_labels(
     objects: Sequence[ObjectEstimate], renderer: DepthRenderer
 ) -> SceneLabels:
-    """Renders the found objects together, the nearest winning in each pixel."""
+    """Renders the found objects together. In each pixel the nearest one shows."""
     shape = (renderer.intrinsics.height, renderer.intrinsics.width)
     depth = np.zeros(shape, dtype=np.float32)
     labels = np.full(shape, -1, dtype=np.int16)
@@ -96,7 +96,7 @@ def render_labels(
 
 
 def _background(observation: RgbdObservation) -> Image:
-    """The colour image, or the depth as grey: near is bright."""
+    """The colour image, or else the depth in grey, of which near is bright."""
     if observation.color is not None:
         return observation.color
     depth = observation.depth

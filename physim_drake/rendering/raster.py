@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Depth windows of single objects, rasterised on the spot.
 
-The search draws hundreds of objects an image, each some thousand pixels. A loop over
-the triangles does that several times faster than a round trip through OpenGL, and each
-worker process does without a context of it. `DepthRenderer`, which draws with Drake,
+The search draws hundreds of objects an image, each of some thousand pixels. A loop over
+the triangles does that several times faster than a round trip through OpenGL, and
+worker processes do not need an OpenGL context. `DepthRenderer`, which draws with Drake,
 is the reference: both agree to fractions of a millimetre inside, and to few pixels
 along the outline.
 """
@@ -23,7 +23,7 @@ from physim_drake.rendering.windows import DepthWindow
 
 Faces = NDArray[np.int32]
 
-_NEAR, _FAR = 0.05, 8.0  # m, as of `DepthRenderer`
+_NEAR, _FAR = 0.05, 8.0  # m, as in `DepthRenderer`
 _ON_EDGE = 1e-7  # square pixels: neither of two triangles may miss their common edge
 
 
@@ -31,8 +31,8 @@ class DepthRasterizer:
     """Draws depth windows of one object at a time.
 
     Args:
-        models: the objects, by id.
-        intrinsics: of the camera.
+        models: models of the objects, by id.
+        intrinsics: intrinsics of the camera.
     """
 
     def __init__(
@@ -46,11 +46,11 @@ class DepthRasterizer:
         """Draws the object alone.
 
         Args:
-            object_id: which object.
-            X_CO: its pose in the camera, (4, 4).
+            object_id: id of the object.
+            X_CO: pose of the object in the camera, (4, 4).
 
         Returns:
-            the smallest window that holds its vertices; triangles that reach nearer
+            the smallest window that holds its vertices. Triangles that reach nearer
             than 5 cm to the camera are left out.
         """
         if object_id not in self._meshes:
@@ -58,7 +58,7 @@ class DepthRasterizer:
             self._meshes[object_id] = (
                 np.ascontiguousarray(mesh.vertices, dtype=float),
                 np.ascontiguousarray(mesh.faces, dtype=np.int32),
-                bool(mesh.is_volume),  # closed: what faces away is never seen
+                bool(mesh.is_volume),  # closed: what faces away is not visible
             )
         vertices, faces, closed = self._meshes[object_id]
         K = self.intrinsics

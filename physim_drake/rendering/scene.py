@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Colour, depth and label images of whole scenes, with RenderEngineVtk.
 
-Objects carry the textures of their Drake models; lights, and what the container looks
-like, come from an `Appearance`.
+Objects have the textures of their Drake models. Lights, and the looks of the container,
+come from an `Appearance`.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ class SceneImages:
     """What an ideal camera sees.
 
     Attributes:
-        color: (height, width, 3) uint8 RGB.
-        depth: (height, width) float32, z in m, 0 where nothing is.
-        labels: (height, width) int16: index of the object seen, -1 for none.
-        echo: (height, width, 3) uint8, the colour by the light of a lamp at the camera
-            alone, as a depth camera's projector is one.
+        color: RGB, (height, width, 3) uint8.
+        depth: depth z, m, (height, width) float32, 0 in empty space.
+        labels: index of the visible object, or -1, (height, width) int16.
+        echo: RGB in the light of a lamp at the camera alone, (height, width, 3) uint8.
+            The projector of a depth camera is such a lamp.
     """
 
     color: NDArray[np.uint8]
@@ -71,12 +71,12 @@ class SceneImages:
 
 @dataclass(frozen=True)
 class Prop:
-    """A thing in a scene that is none of its objects: seen, but without a label.
+    """A thing in a scene that is not one of its objects: visible, but without a label.
 
     Attributes:
-        shape: Drake's.
-        X_WP: where it is, (4, 4).
-        texture: (height, width, 3) RGB.
+        shape: shape, in Drake's terms.
+        X_WP: pose, (4, 4).
+        texture: RGB, (height, width, 3).
     """
 
     shape: Shape
@@ -88,12 +88,12 @@ class SceneRenderer:
     """Renders one set of objects in one container.
 
     Args:
-        visuals: a textured OBJ file (m) for each object.
-        container: what they stand on or in.
+        visuals: textured OBJ file of each object, in metres.
+        container: container that they stand on or in.
         appearance: lights and surfaces.
-        props: what else is seen.
+        props: other visible things.
 
-    Holds an OpenGL context; objects can be moved, lights cannot.
+    It holds an OpenGL context. Objects can be moved, but lights cannot.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class SceneRenderer:
         Args:
             X_WO: poses of the objects, (N, 4, 4).
             X_WC: pose of the camera, (4, 4).
-            intrinsics: of the camera.
+            intrinsics: intrinsics of the camera.
         """
         self._set_poses(X_WO, container=True)
         labels = self._labels(X_WC, intrinsics)
@@ -150,21 +150,21 @@ class SceneRenderer:
     def render_depth(
         self, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
     ) -> DepthImage:
-        """The depth image alone; arguments as for `render`."""
+        """The depth image alone. The arguments are those of `render`."""
         self._set_poses(X_WO, container=True)
         return self._depth(X_WC, intrinsics)
 
     def visible_labels(
         self, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
     ) -> LabelImage:
-        """The label image alone; arguments as for `render`."""
+        """The label image alone. The arguments are those of `render`."""
         self._set_poses(X_WO, container=True)
         return self._labels(X_WC, intrinsics)
 
     def silhouette(
         self, n: int, X_WO: Array, X_WC: Array, intrinsics: CameraIntrinsics
     ) -> NDArray[np.bool_]:
-        """The pixels (height, width) object `n` would cover with nothing before it."""
+        """The pixels (height, width) that object `n` alone would cover."""
         self._set_poses(X_WO, container=False, only=n)
         return np.asarray(self._labels(X_WC, intrinsics) == n)
 
@@ -214,7 +214,7 @@ class SceneRenderer:
         return self._graph.RegisterFrame(self._source, GeometryFrame(name))
 
     def _add_props(self, props: Sequence[Prop]) -> None:
-        """Adds what moves with the container and has its label."""
+        """Adds things that move with the container and have its label."""
         with ScratchFolder() as folder:
             for n, prop in enumerate(props):
                 path = folder.path / f"{n}.png"
@@ -255,7 +255,7 @@ def _params(appearance: Appearance) -> Any:
 
 
 def _write_png(path: Path, image: NDArray[np.uint8]) -> None:
-    """Writes an RGB image, or says why not: half of one ends the process in VTK."""
+    """Writes an RGB image or raises, since VTK ends the process at half an image."""
     _, data = cv2.imencode(".png", np.ascontiguousarray(image[..., ::-1]))
     try:
         path.write_bytes(data.tobytes())

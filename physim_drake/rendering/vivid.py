@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Looks drawn from far more than a camera will ever see.
+"""Random looks of scenes, in far more variety than a camera will ever see.
 
-A network that has learnt on scenes with any lights, surfaces and backgrounds takes a
-real image for one more of them (Tobin et al., "Domain Randomization", IROS 2017).
+To a network that has learnt on scenes with any lights, surfaces and backgrounds, a real
+image is one more of them (Tobin et al., "Domain Randomization", IROS 2017).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class VividAppearance(Appearance):
     """An appearance whose textures have any colours and patterns."""
 
     def textures(self, container: Container) -> list[Texture]:
-        """One texture for each box; half the time as muted as those of `Appearance`."""
+        """One texture for each box, half the time as muted as those of `Appearance`."""
         rng = np.random.default_rng(self.texture_seed)
         if rng.random() < 0.5:
             return super().textures(container)
@@ -102,7 +102,7 @@ def _draw_lamp(rng: np.random.Generator, brightness: float) -> Light:
 
 
 def _color(rng: np.random.Generator) -> Array:
-    """A colour (3,), 0..255: half the time nearly grey."""
+    """A colour (3,), 0..255, half the time nearly grey."""
     level = rng.uniform(0, 255)
     spread = 12.0 if rng.random() < 0.5 else 80.0
     return np.asarray(np.clip(level + spread * rng.standard_normal(3), 0, 255))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Depth images of single objects as small windows of the whole image.
 
-An object fills a few per cent of an image. Drawing, keeping, compositing and comparing
-only those is what makes a state of the search cheap to score.
+An object fills a few per cent of an image. A state of the search is cheap to score
+because only those are drawn, kept, composited and compared.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from physim_drake.poses import Array
 
 @dataclass(frozen=True)
 class DepthWindow:
-    """The part of a depth image that an object is in.
+    """The part of a depth image that shows an object.
 
     Attributes:
-        row: of the image that the window's first row is.
-        column: of the image that the window's first column is.
-        depth: (height, width) float32, z in m, 0 where the object is not.
+        row: row of the image at the window's first row.
+        column: column of the image at the window's first column.
+        depth: depth z, m, (height, width) float32, 0 beside the object.
     """
 
     row: int
@@ -60,7 +60,7 @@ def crop(image: DepthImage) -> DepthWindow:
 
 
 def paste(image: DepthImage, window: DepthWindow) -> None:
-    """Draws a window into an image, in place; the nearer depth wins."""
+    """Draws a window into an image, in place. The nearer depth wins."""
     _paste(image, window.row, window.column, np.ascontiguousarray(window.depth))
 
 
