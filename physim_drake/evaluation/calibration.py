@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
-"""Edges of the bins of confidence, which are narrower where most estimates are."""
+"""Edges of the bins of confidence, which are narrower for frequent values."""
 
 SURE = 0.9
 """Least confidence of an estimate that may be acted on."""

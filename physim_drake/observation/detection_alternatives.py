@@ -23,8 +23,8 @@ def rival_choices(
 ) -> list[tuple[Detection, ...]]:
     """Other detections of the same objects, the likeliest first.
 
-    In each choice one unsure object is where else the network sees it, and those that
-    were detected there are where else it sees them.
+    In each choice, one unsure object takes another place where the network sees it, and
+    those that were detected there take other places where it sees them.
 
     Args:
         detections: of one image; nothing else is known of those without `instead`.

@@ -53,7 +53,7 @@ def choose_detections(
 
     Args:
         found: detections in an image.
-        counts: how many there may be of each object; of others there are none.
+        counts: largest number of each object. The image shows no others.
         shape: (height, width) of the image.
         config: what is believed.
     """
@@ -94,7 +94,7 @@ def assign_detections(
     Returns:
         one for each in the order of `counts`. Its `instead` is what else the network
         detects of the same object; of one that is not seen (`Detection.unseen`), the
-        things that are none of the others.
+        things that are not among the others.
     """
     found = sorted(found, key=lambda d: -d.score)
     things = _things(found, shape)

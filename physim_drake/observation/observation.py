@@ -23,16 +23,16 @@ class RgbdObservation:
     """One RGB-D image and its camera.
 
     Attributes:
-        depth: z in C, m, (height, width) float32, 0 where nothing was measured; given
-            in any floating type, with 0, NaN or infinity where nothing was measured.
-        intrinsics: camera of the depth image, to which colour is registered; given as
-            `CameraIntrinsics`, or as its (3, 3) matrix.
-        color: (height, width, 3) uint8 RGB, or None.
-        X_WC: camera pose in the world, (4, 4), or None where it is unknown.
-        name: what messages call it, for instance its file.
+        depth: z in C, m, (height, width) float32, 0 where nothing was measured. You
+            may give any floating type, and also NaN or infinity instead of 0.
+        intrinsics: camera of the depth image, to which colour is registered. You may
+            give `CameraIntrinsics` or its (3, 3) matrix.
+        color: RGB image, (height, width, 3) uint8, or None.
+        X_WC: camera pose in the world, (4, 4), or None if it is unknown.
+        name: name in messages, for instance that of its file.
 
     Raises:
-        InputError: where shapes, values or the rotation cannot be right.
+        InputError: if shapes, values or the rotation cannot be right.
     """
 
     depth: DepthImage
@@ -86,7 +86,7 @@ class RgbdObservation:
         """The colour image, (height, width, 3) RGB, by which objects are detected.
 
         Raises:
-            InputError: where there is none.
+            InputError: if the image has no colour.
         """
         if self.color is None:
             raise InputError(
@@ -156,15 +156,15 @@ def _as_depth(depth: NDArray[Any]) -> DepthImage:
 
 @dataclass(frozen=True, init=False)
 class Detection:
-    """Where in the image an object is said to be.
+    """An object's place in an image, as a detector gives it.
 
     Attributes:
-        object_id: which object.
-        box: left, top, right, bottom in pixels (right and bottom exclusive), (4,);
-            given as an array or a list.
+        object_id: id of the object.
+        box: left, top, right, bottom in pixels (right and bottom exclusive), (4,). You
+            may give an array or a list.
         score: the detector's confidence, 0..1.
-        mask: (height, width) bool where the detector gives one, else None.
-        instead: where else it sees the object, the likeliest first; see
+        mask: mask, (height, width) bool, if the detector gives one, else None.
+        instead: other places where it sees the object, the likeliest first; see
             `physim_drake.observation.detection_alternatives`.
     """
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Configurations that bring a frame of the arm to a pose, free of collision.
 
-Drake's `InverseKinematics` solves from several start guesses; what it finds is checked
-with the paddings of the scene. Where every solution of a round touches something, the
+Drake's `InverseKinematics` solves from several start guesses, and solutions are checked
+with the paddings of the scene. If every solution of a round touches something, the
 round is solved again with all distances as constraints, which is ten times slower.
 """
 

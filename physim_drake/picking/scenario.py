@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A pick cell and what happens in it, as one typed YAML file.
 
-Where Drake has a schema it is used: model directives, plant, scene graph, with the
-names that Drake's own scenarios give them. Unknown keys are errors. docs/pick-cell.md
+If Drake has a schema, it is used: model directives, plant, scene graph, with the names
+of Drake's own scenarios. Unknown keys are errors. docs/pick-cell.md
 goes through a file.
 """
 

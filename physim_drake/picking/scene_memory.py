@@ -90,8 +90,8 @@ def merged(earlier: SceneEstimate | None, newest: SceneEstimate) -> SceneEstimat
 def _match(old: ObjectEstimate, objects: list[ObjectEstimate]) -> int | None:
     """Which of the newest estimates is of the same object.
 
-    Where an object occurs once in the newest look, that is it, however far off one of
-    the estimates is; among several, the nearest.
+    If an object occurs once in the newest look, that estimate is taken, however far off
+    it is. Among several, it is the nearest one.
     """
     same = [n for n, o in enumerate(objects) if o.object_id == old.object_id]
     if len(same) <= 1:

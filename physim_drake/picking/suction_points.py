@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Where a suction cup can hold an object: measured on its surface, once a model.
 
-A cup seals where its whole lip lies on the surface: the lip is a ring, which the
+A cup seals if its whole lip lies on the surface. The lip is a ring, which the
 bellows tilt for free and bend by a few millimetres. So a plane is fitted to the surface
 under the lip; what is left of the ring after the fit must be less than the bellows give
 way. A ball passes, since a ring on it is plane; the dome in the middle must then fit
@@ -68,11 +68,11 @@ class SuctionPoints:
         dome: height of the surface under the cup's centre over the lip's plane, (N,),
             m; the cup must be pressed on this far before its lip lies on.
         quality: 0..1, (N,): the product of the three below.
-        flatness: 1 where the surface under the lip is plane, 0 at the conformity.
-        leverage: 1 where the cup's axis meets the centre of mass, 0 where the weight,
-            at its worst angle, would peel the lip off.
-        margin: 1 where the lip keeps the wished distance from every edge, 0.3 where
-            it is at one.
+        flatness: 1 if the surface under the lip is plane, 0 at the conformity.
+        leverage: 1 if the cup's axis meets the centre of mass, 0 if the weight, at its
+            worst angle, would peel the lip off.
+        margin: 1 if the lip keeps the wished distance from every edge, 0.3 if it is at
+            one.
     """
 
     positions: Array

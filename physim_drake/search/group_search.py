@@ -35,10 +35,10 @@ class SearchConfig:
         exploration_px: the UCB constant alpha, in pixels.
         rollout: choice of hypotheses below the tree: at random, or the best LCP.
         round_size: rollouts selected before any of them is scored.
-        kept_states: complete states handed on to refinement, those with the highest C;
-            and one more if it is not one of them: the highest C less the pixels that
-            are drawn before what the camera saw, since C is no less if half an object
-            stands in the air.
+        kept_states: number of complete states passed to refinement, those with the
+            highest C. The state with the highest C less the pixels drawn before what
+            the camera saw is added if it is not one of them, since C does not fall if
+            half an object stands in the air.
     """
 
     expansions: int = 250

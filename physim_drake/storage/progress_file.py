@@ -45,7 +45,7 @@ class ProgressFile(Closing):
         self.path = path
         self._settings = dict(settings)
         self._file = open_to_append(path)
-        # Where there are no locks, a run that is alone does not need one.
+        # Without locks, a run that is alone does not need one.
         if not hold(self._file.fileno(), without_locks=True):
             self._file.close()
             raise InputError(

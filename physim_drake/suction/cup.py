@@ -147,7 +147,7 @@ class Seal:
         leak: share of the lip that is open, 0..1.
         normal: normal of the plane the lip lies in, out of the surface, (3,), in the
             surface's frame.
-        gap: from the lip's centre ahead to that plane, m; negative where the cup is
+        gap: from the lip's centre ahead to that plane, m, negative if the cup is
             compressed.
     """
 
@@ -239,7 +239,7 @@ def cast_lines(
 
     Returns:
         Distances along the direction to where the first piece is entered, (N,), m,
-        negative behind the point, infinite where none is met; outward normals there,
+        negative behind the point and infinite if it meets none; outward normals there,
         (N, 3).
     """
     gaps = np.full(len(p_O), np.inf)

@@ -59,7 +59,7 @@ def choose_samples(
 
     Args:
         proposals: proposals of each image, (N, 4), px.
-        truth: true boxes of each image, (M, 4), px. They count as proposals, too.
+        truth: true boxes of each image, (M, 4), px. They also count as proposals.
         labels: classes of the true boxes, (M,), from 1.
     """
     parts: list[tuple[Tensor, ...]] = []

@@ -202,7 +202,7 @@ def _network(job: DetectorTrainingJob) -> Network:
 
 
 def _first_weights(job: DetectorTrainingJob, network: Network) -> dict[str, Tensor]:
-    """The weights that the result keeps a share of; empty where it keeps none."""
+    """The weights that the result keeps a share of, or an empty mapping."""
     start = job.config.start
     if start is None or not job.config.start_share:
         return {}

@@ -145,7 +145,7 @@ def pack_images(
         dataset: dataset with visible masks and images of one size.
         folder: folder for the arrays. Arrays of other images are replaced.
         longer_side: longer side of the reduced images, px.
-        depth: whether to pack depth, too.
+        depth: whether to pack depth as well.
         progress: callback for the number of images done.
         known: ids of the objects that may be seen. None allows any.
 

@@ -44,8 +44,8 @@ class TrainingConfig:
         max_gradient: norm to which longer gradients are shortened.
         log_every: steps between entries of the log.
         save_every: steps between saved states, and so the most that are lost when a
-            run is cut off. An interrupt does not save: in the middle of a step there
-            is no state that an unbroken run would have.
+            run is cut off. An interrupt does not save: a state in
+            the middle of a step is not one that an unbroken run would have.
         test_every: steps between tests.
         seed: seed of all random choices.
         bfloat16: whether products are done with 16 bits.
