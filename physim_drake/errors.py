@@ -15,8 +15,8 @@ class InputError(PhysimError):
 
     Args:
         source: the file (or argument) at fault.
-        problem: what is wrong with it, naming field and value.
-        remedy: what the user can do about it.
+        problem: description of the fault, naming field and value.
+        remedy: action that the user can take.
         field: the part of the source at fault, if there is one.
     """
 

@@ -29,7 +29,7 @@ class CameraSourceConfig:
     """A camera and its errors.
 
     Attributes:
-        preset: which camera.
+        preset: name of the camera.
         width: width of the image, px; the preset's if it is None.
         height: height of the image, px; the preset's if it is None.
         depth_noise: whether depth has errors.

@@ -25,7 +25,7 @@ class DetectorConfig:
 
     Attributes:
         seed: seed of its random choices; those for the n-th look are always the same.
-        timing: when it looks at its inputs and shows its results.
+        timing: times at which inputs are read and results are shown.
     """
 
     seed: int = 0

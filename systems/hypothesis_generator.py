@@ -63,7 +63,7 @@ class HypothesisGenerator(Stage):
         algorithm: makes them; give it to the estimator too, so that workers are shared.
         surface_height: z of the support surface in the world, m; found in the image if
             None.
-        timing: when inputs are looked at and results are shown.
+        timing: times at which inputs are read and results are shown.
     """
 
     def __init__(

@@ -49,7 +49,7 @@ class LookingCell:
     Args:
         scenario: the cell.
         library: the objects.
-        files: their Drake models, by id.
+        files: Drake models of the objects, by id.
         conditions: lights and camera.
         seed: seed of the camera's errors.
 

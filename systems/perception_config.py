@@ -53,7 +53,7 @@ class PerceptionCameraConfig(CameraSourceConfig):
 
         Args:
             frame: name of the frame, as in ``arm::wrist``.
-            preset: which camera.
+            preset: name of the camera.
             noise: whether depth and colour err and reflections cost depth.
             seed: seed of all errors.
             renderer: name of the renderer in the scene graph.
@@ -183,7 +183,7 @@ class PerceptionConfig:
         camera: the camera, and where it is.
         detector: used if no other detector is given to the diagram; in YAML an
             oracle is tagged, as in ``detector: !OracleDetectorConfig {jitter: 0.06}``.
-        estimator: how poses are estimated.
+        estimator: settings of the estimation.
         latency: latency of each stage.
         period: time between looks, s; None for looks by the trigger alone.
         poll_period: time between a stage's looks at its inputs, s; 0 for each step.

@@ -70,7 +70,7 @@ class PickCellParts:
     """Parts that replace the usual ones; None for the usual one.
 
     Attributes:
-        policy: which object is picked, and where.
+        policy: choice of the next object and its suction point.
         detector: finds objects in images; by default what the scenario asks for.
         estimator: estimates their poses; whoever made it closes it.
         planner: plans the arm's motions.

@@ -59,7 +59,7 @@ class SceneEstimator(Stage):
         algorithm: estimates the poses.
         surface_height: z of the support surface in the world, m; found in the image if
             None.
-        timing: when inputs are looked at and results are shown.
+        timing: times at which inputs are read and results are shown.
     """
 
     def __init__(

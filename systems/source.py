@@ -31,7 +31,7 @@ class Source(LookSystem):
     Args:
         outputs: name and type of each output port; a port holds `Stamped` of it.
         period: time between looks, s; None for looks by the trigger alone.
-        timing: when triggers are seen and results are shown.
+        timing: times at which triggers are seen and results are shown.
     """
 
     def __init__(

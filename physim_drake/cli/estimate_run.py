@@ -63,7 +63,7 @@ class EstimateJob:
         library: the objects.
         config: settings of the estimate.
         surface_height: z of the support surface in the world, m; found if None.
-        engine: where the work is done.
+        engine: machine or cluster that does the work.
         overlays: folder for pictures, if any are wanted.
         trace: folder for files about the searches, if any are wanted.
     """

@@ -63,7 +63,7 @@ class EpisodeResult:
         episode: number of the episode, from 0.
         objects: objects that lay on the table, and where they ended.
         looks: looks with their errors.
-        events: what the task did and why.
+        events: log of what the task did and why.
         simulated: simulated time, s.
         stages: wall time by stage, s.
     """

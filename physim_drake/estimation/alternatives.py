@@ -26,7 +26,7 @@ def best_alternative(
 
     Args:
         estimate: makes one, with detections in the order of `detections`.
-        detections: where each object most likely is.
+        detections: likeliest place of each object.
         shape: (height, width) of the image.
         config: settings of the estimates; a method that does not search tries no
             alternatives.

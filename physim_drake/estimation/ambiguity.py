@@ -40,7 +40,7 @@ def confidence_shares(
 
     Args:
         best: the state that is the estimate.
-        cost: its fine cost, in pixels.
+        cost: fine cost, in pixels.
         tried: states of the same objects, maybe with `best`, and their fine costs.
         models: models of the objects, by their index in the scene.
         tie_fraction: costs that differ by less than this share are equally good.

@@ -116,7 +116,7 @@ class PoseEstimator(Closing):
         """The pose hypotheses of each detected object, in the frame S of the scene.
 
         Args:
-            prepared: what `prepare` returned.
+            prepared: scene that `prepare` returned.
 
         Raises:
             InputError: if an object has no model.
@@ -137,7 +137,7 @@ class PoseEstimator(Closing):
         """Estimates the pose of every object, each where it was detected.
 
         Args:
-            prepared: what `prepare` returned.
+            prepared: scene that `prepare` returned.
             hypotheses: what the method of that name returned, one for each detection;
                 made here if None.
             on_search: hears of each search of a group when it is done.

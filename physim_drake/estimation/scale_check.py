@@ -33,8 +33,8 @@ def scale_warning(
 
     Args:
         observation: the image.
-        detections: where the objects are.
-        library: their models.
+        detections: detections of the objects.
+        library: models of the objects.
 
     Returns:
         what is wrong and what to check; empty if the sizes can be right.

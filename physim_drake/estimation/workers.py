@@ -117,7 +117,7 @@ class Worker:
 
         Args:
             placed: the state.
-            index: of the object.
+            index: index of the object.
             poses: X_SO (N, 4, 4) to begin at, beside the object turned over.
 
         Returns:
@@ -199,8 +199,8 @@ class WorkerPool(Closing):
         A worker process that dies or hangs is replaced, and its call made again.
 
         Args:
-            method: of the class, as in `pool.map(Worker.refine, [(state,)])`.
-            arguments: of each call.
+            method: method of the class, as in `pool.map(Worker.refine, [(state,)])`.
+            arguments: arguments of each call.
 
         Returns:
             the results, in the order of the arguments.

@@ -31,7 +31,7 @@ class ConfidenceBin:
         low: least confidence in the bin.
         high: upper edge of the bin; only the last bin includes it.
         estimates: number of estimates in the bin.
-        confidence: their mean confidence; None if the bin is empty.
+        confidence: mean confidence; None if the bin is empty.
         correct: share of them that is right; None if the bin is empty.
     """
 
@@ -47,7 +47,7 @@ class Calibration:
     """How well confidence predicts correctness.
 
     Attributes:
-        bins: in ascending order.
+        bins: bins in ascending order.
         sure: number of estimates with a confidence of at least `SURE`.
         sure_correct: share of them that is right; None if the bin is empty.
         gap: mean distance of confidence and correctness over the bins, by estimates

@@ -27,7 +27,7 @@ class Bases:
 
     Attributes:
         corners: indices of the segment's points, (B, 4).
-        ratios: where along 0-1, and along 2-3, the diagonals cross, (B, 2).
+        ratios: shares along 0-1 and 2-3 at which the diagonals cross, (B, 2).
         angles: between the diagonals, (B,), rad.
     """
 

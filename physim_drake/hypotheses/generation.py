@@ -64,7 +64,7 @@ class PoseHypotheses:
     Attributes:
         object_id: id of the object.
         X_SO: all poses, (N, 4, 4), in the support frame.
-        lcp: their LCP scores, (N,), 0..1.
+        lcp: LCP scores of the poses, (N,), 0..1.
         representatives: indices of the poses to search over, best LCP first, (K,).
     """
 
@@ -103,7 +103,7 @@ def generate_hypotheses(
         model: the object.
         scene: the image it is in.
         points: p_S of its segment, (N, 3), m.
-        normals: their unit normals, (N, 3).
+        normals: unit normals at the points, (N, 3).
         generator: source of all random choices.
         config: sizes and tolerances.
 

@@ -34,7 +34,7 @@ class PairIndex:
 
     Args:
         points: model points p_O, (N, 3), m.
-        normals: their normals, unit, (N, 3).
+        normals: unit normals at the points, (N, 3).
     """
 
     def __init__(self, points: Array, normals: Array) -> None:
@@ -63,8 +63,8 @@ class PairIndex:
         Args:
             length: m.
             angles: the three of `pair_angles`, rad.
-            delta: how well lengths must agree, m.
-            tolerance: how well each angle must agree, rad.
+            delta: largest difference of lengths, m.
+            tolerance: largest difference of each angle, rad.
         """
         found = find_pairs(self.lengths, self.angles, length, angles, delta, tolerance)
         return self.first[found], self.second[found]

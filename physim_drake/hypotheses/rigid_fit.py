@@ -33,13 +33,13 @@ def fit_sets(
 
     Args:
         points: points of the base, (4, 3), m.
-        normals: its unit normals, (4, 3).
+        normals: unit normals at the points, (4, 3).
         model: p_O of all model points, (N, 3), m.
-        model_normals: their unit normals, (N, 3).
+        model_normals: unit normals at the points, (N, 3).
         sets: indices of model points, (M, 4).
         max_rms: a pose whose points are farther from the base is dropped, m.
-        poses: where the poses X_SO are written, (K, 4, 4); what does not fit in it is
-            left out.
+        poses: array that the poses X_SO are written to, (K, 4, 4). Poses that do not
+            fit in it are left out.
 
     Returns:
         how many were written.

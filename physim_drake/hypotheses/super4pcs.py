@@ -29,7 +29,7 @@ class Super4PcsConfig:
     Attributes:
         hypotheses: stops when this many poses were found.
         sets_per_base: at most this many of one base's congruent sets, drawn evenly.
-        max_pairs: at most this many model pairs for one diagonal, drawn evenly.
+        max_pairs: largest number of model pairs for one diagonal, drawn evenly.
         delta: greatest difference of distances that agree, m; the root mean square
             distance of a pose's four points is at most twice as much.
         max_normal_angle: greatest angle between normals that agree, rad.
@@ -58,7 +58,7 @@ def super4pcs(
     Args:
         index: the model's pairs.
         points: the segment's p_S, (N, 3), m.
-        normals: its unit normals, (N, 3).
+        normals: unit normals at the points, (N, 3).
         generator: draws bases.
         config: sizes and tolerances.
 
@@ -98,8 +98,8 @@ def congruent_sets(
     Args:
         index: the model's pairs.
         points: points of the base, (4, 3), m.
-        normals: its unit normals, (4, 3).
-        ratios: where its diagonals 0-1 and 2-3 cross, (2,).
+        normals: unit normals at the points, (4, 3).
+        ratios: shares along its diagonals 0-1 and 2-3 at which they cross, (2,).
         angle: between its diagonals, rad.
         config: tolerances.
 

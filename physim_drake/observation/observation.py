@@ -220,7 +220,7 @@ class Segment:
     """The part of the observed cloud that may belong to one object.
 
     Attributes:
-        detection: where it came from.
+        detection: detection that it was cut out by.
         points: p_S (N, 3), m, in the support frame S, thinned to a few millimetres.
         normals: unit, (N, 3), in S, towards the camera.
         mask: (height, width) bool, every pixel of it, before thinning.

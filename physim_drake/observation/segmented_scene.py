@@ -21,7 +21,7 @@ class SegmentedScene:
         segments: one for each object to find.
         depth: the depth image as it was measured, m, 0 if unknown.
         observed: the same with the support surface set to 0.
-        intrinsics: of the camera.
+        intrinsics: intrinsics of the camera.
         X_CS: pose of the support frame in the camera, (4, 4).
     """
 

@@ -148,8 +148,8 @@ class ArmPlanner:
         """Moves the arm to a configuration.
 
         Args:
-            q_start: where the arm is, (n,).
-            q_goal: where it is to go, (n,).
+            q_start: current configuration of the arm, (n,).
+            q_goal: configuration at the end, (n,).
             held: the object at the cup.
 
         Raises:
@@ -163,7 +163,7 @@ class ArmPlanner:
         """Plans reaching for an object, pressing the cup on it and lifting it.
 
         Args:
-            q_now: where the arm is, (n,).
+            q_now: current configuration of the arm, (n,).
             candidate: what to pick; its index refers to the scene that is set.
 
         Raises:
@@ -202,7 +202,7 @@ class ArmPlanner:
         """Carries the held object to where it is let go.
 
         Args:
-            q_now: where the arm is, (n,).
+            q_now: current configuration of the arm, (n,).
             X_WG_place: the cup's pose there, (4, 4); see `drop_pose`.
             held: the object.
             free_turn: whether any turn about the cup's axis will do.
@@ -220,7 +220,7 @@ class ArmPlanner:
         """Moves the cup along a straight line, without turning it.
 
         Args:
-            q_now: where the arm is, (n,).
+            q_now: current configuration of the arm, (n,).
             shift_W: vector that the cup moves along, (3,), m.
             held: the object at the cup.
 
@@ -244,7 +244,7 @@ class ArmPlanner:
         """Brings the camera to a viewpoint, with any turn about the optical axis.
 
         Args:
-            q_now: where the arm is, (n,).
+            q_now: current configuration of the arm, (n,).
             X_WC: the camera's pose, (4, 4).
             held: the object at the cup.
             cone: angle that the optical axis may be off by, rad.
@@ -263,8 +263,8 @@ class ArmPlanner:
 
         Args:
             p_WT: what to look at, (3,), m.
-            q_now: where the arm is, (n,).
-            p_WR: where the robot stands, (3,), m; the world's origin if it is None.
+            q_now: current configuration of the arm, (n,).
+            p_WR: position of the robot's base, (3,), m; the world's origin if None.
 
         Yields:
             at most one for each side: front, left, right, top.

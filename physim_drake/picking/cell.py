@@ -38,8 +38,8 @@ class PickCellGeometry:
         planner: the arm's planner, with the scenario's robot and cell.
         X_WA: pose of the pick area, z up, (4, 4).
         views: poses of the camera X_WC (4, 4), as the scenario lists them.
-        tote: where objects go.
-        conditions: what holds for every pick.
+        tote: tote that objects go into.
+        conditions: conditions that all picks have in common.
     """
 
     planner: ArmPlanner
@@ -56,7 +56,7 @@ class PreparedCell:
     Attributes:
         scenario: the cell and its task.
         library: the objects.
-        geometry: where things are.
+        geometry: places of the things in the cell.
     """
 
     scenario: PickScenario

@@ -29,10 +29,10 @@ class PlacedModel:
     """An object of the simulation.
 
     Attributes:
-        object_id: which object.
-        sdf: its Drake model, named after the object.
-        X_WO: where it begins, (4, 4).
-        level: its interaction level, 1 to 3.
+        object_id: id of the object.
+        sdf: Drake model, named after the object.
+        X_WO: pose at the start, (4, 4).
+        level: interaction level, 1 to 3.
     """
 
     object_id: int
@@ -70,7 +70,7 @@ def draw_start(
     Args:
         scenario: which objects, how many, and how they depend on each other.
         library: the objects.
-        files: their Drake models, by id.
+        files: Drake models of the objects, by id.
         X_WA: pose of the pick area, (4, 4).
         episode: number of the episode, from 0; decides the scene with the others.
 

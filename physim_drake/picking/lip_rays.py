@@ -32,7 +32,7 @@ def surface_heights(
 
     Args:
         mesh: the surface, in O, m.
-        centers: where the cups' axes meet the surface, p_O (N, 3), m.
+        centers: points p_O in which the cups' axes meet the surface, (N, 3), m.
         normals: outward axes of the cups, unit, (N, 3).
         pattern: offsets of the rays in the plane of the cup, (R, 2), m, along the axes
             of `plane_axes`.

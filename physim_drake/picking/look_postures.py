@@ -84,7 +84,7 @@ def looking_postures(
         p_WT: what to look at, (3,), m.
         views: number of postures; fewer are given if the arm cannot take them.
         rng: random source of the viewpoints.
-        q_start: where the arm is, (n,); the home posture if it is None.
+        q_start: current configuration of the arm, (n,); the home posture if it is None.
 
     Yields:
         joint angles, (n,).

@@ -35,7 +35,7 @@ def connect(
         q_start: (n,).
         q_goal: (n,).
         generator: random source of the search.
-        stage: what a failure is called.
+        stage: name of the motion in messages.
 
     Returns:
         (N, n), both ends included.
@@ -99,9 +99,9 @@ def straight_line(
     Args:
         scene: robot and obstacles, with its paddings set.
         frame: frame of the robot.
-        q_start: where the line begins, (n,).
+        q_start: configuration at the start of the line, (n,).
         shift_W: vector from there to its end, (3,), m.
-        stage: what a failure is called.
+        stage: name of the motion in messages.
 
     Returns:
         (N, n), points of the line `line_step` apart.

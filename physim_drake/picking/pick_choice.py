@@ -95,9 +95,9 @@ def choose(
         planner: with the estimated scene set.
         order: the candidates.
         library: the objects.
-        tote: where objects go.
-        q: where the arm is, (n,).
-        fills: how full the tote is.
+        tote: tote that objects go into.
+        q: current configuration of the arm, (n,).
+        fills: fill height below each drop of the tote, m.
         failed_points: points that did not seal, by object id, p_O (3,).
         max_plans: number of candidates that are planned at most.
     """

@@ -64,7 +64,7 @@ class PickCandidate:
     """One way to pick one object.
 
     Attributes:
-        index: which of the estimate's objects.
+        index: index of the object in the estimate.
         object_id: id of the object.
         name: name of the object.
         confidence: the estimate's, 0..1.
@@ -78,7 +78,7 @@ class PickCandidate:
             and walls, m.
         X_WO: the object's estimated pose, (4, 4).
         cost: cost by the policy; smaller is better.
-        reasons: what raised the cost, in words.
+        reasons: descriptions of what raised the cost.
     """
 
     index: int
@@ -119,7 +119,7 @@ class LookAgain:
     """An object that another look should make surer before it is picked.
 
     Attributes:
-        index: which of the estimate's objects.
+        index: index of the object in the estimate.
         name: name of the object.
         reason: why it is not picked now.
     """
@@ -134,7 +134,7 @@ class PickOrder(Sequence[PickCandidate]):
     """Candidates, best first, and the objects to look at again.
 
     Attributes:
-        candidates: what may be picked.
+        candidates: picks to choose from.
         look_again: what was not considered.
     """
 
@@ -173,7 +173,7 @@ class PickPolicy(Protocol):
         Args:
             estimate: the scene.
             library: models of its objects.
-            conditions: what holds for every candidate.
+            conditions: conditions that every candidate has in common.
         """
         ...
 
@@ -271,7 +271,7 @@ class TopOfPileFirst:
         Args:
             estimate: the scene.
             library: models of its objects.
-            conditions: what holds for every candidate.
+            conditions: conditions that every candidate has in common.
         """
         placed = placed_objects(estimate, library)
         above = objects_on(placed)

@@ -276,7 +276,7 @@ class PickScenario:
         drive: drives of the robot's joints.
         planner: names and distances for the arm's planner.
         gripper: the suction cup.
-        objects: what is to be picked.
+        objects: objects to pick.
         pick_area: region where objects lie.
         tote: region where they go.
         look: camera, detector, estimate and viewpoints.

@@ -23,7 +23,7 @@ class PlacedObject:
     """An object of an estimate that has a pose.
 
     Attributes:
-        index: which of the estimate's objects.
+        index: index of the object in the estimate.
         model: model of the object.
         X_WO: pose of the object, (4, 4).
         confidence: the estimate's, 0..1.
@@ -72,7 +72,7 @@ def container_walls(container: Container, X_WK: Array) -> tuple[Wall, ...]:
 
     Args:
         container: the container, its boxes in its own frame K.
-        X_WK: where it stands, (4, 4).
+        X_WK: pose, (4, 4).
     """
     return tuple(Wall(X_WK @ make_pose(p=b.center), b.size) for b in container.boxes)
 

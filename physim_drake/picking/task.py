@@ -56,13 +56,13 @@ class PickTask:
     Attributes:
         config: thresholds, times and numbers of tries.
         planner: planner of the arm's motions.
-        policy: which object is picked, and where.
+        policy: choice of the next object and its suction point.
         last_resort: policy that is asked if no view of a scene gave a candidate, for
             instance one that takes objects of less confidence; may be None.
         library: the objects.
-        conditions: what holds for every candidate.
+        conditions: conditions that every candidate has in common.
         views: poses of the camera X_WC (4, 4), in the order they are used.
-        tote: where objects go.
+        tote: tote that objects go into.
     """
 
     config: TaskConfig

@@ -54,8 +54,8 @@ class TaskEvent:
 
     Attributes:
         time: simulated time, s.
-        kind: what happened.
-        text: what happened and why, in words.
+        kind: kind of event.
+        text: description of what happened and why.
         name: name of the object, if it is about one.
     """
 
@@ -108,9 +108,9 @@ class TaskState:
     """Everything that the task knows.
 
     Attributes:
-        phase: what it is doing.
+        phase: phase of the task.
         since: time at which the phase began, s.
-        motion: what the arm executes.
+        motion: motion that the arm executes.
         vacuum_on: whether the vacuum is to be on.
         looks: number of looks that have been asked for.
         view: index of the viewpoint that comes next.
@@ -121,7 +121,7 @@ class TaskState:
         obstacles: what was known of it before, without what was picked since.
         plan: the pick being executed, from `Phase.REACH` to `Phase.RELEASE`; None in
             all other phases.
-        fills: how full the tote is thought to be.
+        fills: estimated fill height below each drop of the tote, m.
         tries: executed picks by object id.
         failed_points: suction points that did not seal, p_O (3,), by object id.
         placed: objects that were let go over the tote, by object id.

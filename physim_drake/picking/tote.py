@@ -72,7 +72,7 @@ class Tote:
         """How full it is once an object was let go at a drop, upright as it was held.
 
         Args:
-            fills: how full it was.
+            fills: fill height below each drop before, m.
             drop: number of the drop.
             held: the object, and how it hung at the cup.
             library: library with its model.

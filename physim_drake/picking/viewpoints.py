@@ -51,7 +51,7 @@ def propose_viewpoints(
 
     Args:
         p_WT: what to look at, (3,), m.
-        p_WR: where the robot stands, (3,), m; decides which side is the front.
+        p_WR: position of the robot's base, (3,), m; decides which side is the front.
         distances: distances from the target, m, in the order of preference.
         elevations: angles above the level, rad, in the order of preference.
     """

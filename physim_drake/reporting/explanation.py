@@ -63,7 +63,7 @@ class Explanation:
         image: scene id and image id.
         observation: the image.
         detections: the objects to find; everything below goes by their index.
-        library: their models.
+        library: models of the objects.
         config: settings of the estimate.
         surface_height: z of the support surface in the world, m, if it was given.
         scene: segments and support frame.

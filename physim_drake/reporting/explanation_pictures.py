@@ -129,7 +129,7 @@ class Pictures:
         """A state of a group of objects over the image, close up.
 
         Args:
-            indices: of the objects.
+            indices: indices of the objects.
             X_CO: their poses, (N, 4, 4).
         """
         poses = dict(zip(indices, X_CO, strict=True))

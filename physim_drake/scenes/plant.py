@@ -61,7 +61,7 @@ class ScenePlant:
 
     Args:
         objects: models of the objects.
-        model_files: their SDF files, as `write_drake_model` writes them.
+        model_files: SDF files of the models, as `write_drake_model` writes them.
         container: support of the objects.
         config: settings of the settling.
     """

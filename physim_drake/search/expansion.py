@@ -126,7 +126,7 @@ class SceneExpander:
 
         Args:
             placed: the state, with the object.
-            index: of the object.
+            index: index of the object.
             poses: X_SO (N, 4, 4) to begin at. It is also turned over by each motion
                 that maps it nearly onto itself: a bottle on its cap looks much like
                 one on its base.

@@ -18,7 +18,7 @@ class TreeNode:
         visits: selections that went through it.
         mean: mean score of these, in pixels.
         best: the best of them.
-        children: in the order in which they were added, best LCP first.
+        children: children in the order in which they were added, best LCP first.
     """
 
     path: Path
@@ -33,7 +33,7 @@ class SearchRecord:
     """One search of one group of objects.
 
     Attributes:
-        selections: in their order.
+        selections: selections in their order.
         result: best states and anytime curve.
     """
 

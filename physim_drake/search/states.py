@@ -33,7 +33,7 @@ class ExpansionConfig:
             the segment of the next, m.
         min_points: a segment that would keep fewer points is left whole.
         icp: settings of the trimmed ICP.
-        icp_points: at most this many points of a segment are aligned.
+        icp_points: largest number of points of a segment that are aligned.
         settle: settings of the physics. An object that falls 5 cm is not followed
             farther: of 150 such falls, the image confirmed one.
         settle_loss_fraction: the settled pose is dropped, and the registered one kept,

@@ -161,7 +161,7 @@ def append(file: FileIO, path: Path, text: str) -> int:
 
     Args:
         file: file from `open_to_append`.
-        path: its path, for messages.
+        path: path of the file, for messages.
         text: text to append; if it cannot be written whole, nothing is written.
 
     Returns:

@@ -65,10 +65,10 @@ class TrainDetectorConfig:
     """Everything that can be set about training a detector.
 
     Attributes:
-        scenes: what is generated.
-        network: what learns.
+        scenes: settings of the generated scenes.
+        network: network that learns.
         training: how.
-        augmentation: how images are changed.
+        augmentation: random changes of images.
         data: datasets with visible masks to learn from, instead of generated scenes;
             each counts the same, however large it is.
         start: weights to start from, of any objects, instead of random ones.
@@ -114,9 +114,9 @@ class DetectorTrainingJob:
         library: the objects to find.
         config: settings of the run.
         workers: number of processes that generate scenes.
-        device: where the network learns.
+        device: device that the network learns on.
         resume: whether to go on with what an earlier run left.
-        engine: where scenes are generated.
+        engine: machine or cluster that generates scenes.
         progress: function that is told how it goes.
     """
 
