@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -35,6 +36,17 @@ def test_old_import_paths_lead_to_the_same_things() -> None:
         *(ObjectModel, Detection, RgbdObservation),
     ):
         assert getattr(physim, thing.__name__) is thing
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("datasets.bop", "datasets.detections", "datasets.results", "estimation"),
+        *("models", "objects", "observation", "systems", "testing"),
+    ],
+)
+def test_modules_that_the_docs_named_are_still_there(name: str) -> None:
+    assert importlib.import_module(f"physim_drake.{name}")
 
 
 def test_the_import_alone_loads_nothing_heavy() -> None:

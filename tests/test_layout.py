@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "physim_drake"
@@ -56,3 +57,15 @@ def test_an_upward_import_is_seen(tmp_path: Path) -> None:
         "def late():\n    from physim_drake.search import tree\n"
     )
     assert upward_imports(tmp_path) == ["objects/model.py -> search"]
+
+
+def test_the_architecture_page_names_every_package() -> None:
+    page = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    start = page.index("## Layout")
+    layout = page[start : page.index("\n## ", start)]
+    packages = {p.name for p in ROOT.iterdir() if (p / "__init__.py").is_file()}
+    missing = {name for name in packages if f"{name}/`" not in layout}
+    assert missing == set()
+    folders = (ROOT.parent, ROOT, ROOT / "detection")
+    for name in re.findall(r"`([a-z_/]+(?:/|\.py))`", layout):
+        assert any((folder / name).exists() for folder in folders), name
