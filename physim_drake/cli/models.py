@@ -19,6 +19,7 @@ from physim_drake.cli.output import LogLevelName, messages, output_json
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from physim_drake.objects.library_files import ObjectEntry
     from physim_drake.objects.model import ObjectModel
 
 models_app = typer.Typer(help="Look at object models.", no_args_is_help=True)
@@ -41,6 +42,16 @@ class ModelReport:
     problems: list[str]
 
 
+@dataclass(frozen=True)
+class UnusableModel:
+    """An object whose files cannot be used, and why."""
+
+    id: int
+    name: str
+    file: str
+    error: str
+
+
 @models_app.callback()
 def _group() -> None:
     """Keeps `check` a command of its own while it is the only one."""
@@ -61,27 +72,54 @@ def check(
 ) -> None:
     """Load all models of a folder; show size, symmetry, collision and problems.
 
+    A file that cannot be used is named, and the check goes on. The exit status is 2 if
+    there was one, and 0 if all can be used, whatever is noted of them.
+
     Example: `physim-drake models check datasets/lab/models`
     """
+    from physim_drake.cli.progress import Steps
+    from physim_drake.objects.library_files import find_objects
+
+    entries = find_objects(folder)
+    reports: list[ModelReport | UnusableModel] = []
+    with Steps(messages(quiet), "object", len(entries)) as steps:
+        for entry in entries:
+            reports.append(check_object(entry))
+            steps.advance()
+    failed = any(isinstance(item, UnusableModel) for item in reports)
+    facts = [asdict(item) for item in reports]
+    if json_file is None or not output_json(json_file, facts):
+        _print(reports, str(folder))
+    if failed:
+        raise typer.Exit(2)
+
+
+def check_object(entry: ObjectEntry) -> ModelReport | UnusableModel:
+    """Reads one object and gathers its facts, or why it cannot be used."""
+    from physim_drake.errors import InputError
+    from physim_drake.objects.model import read_model
+
+    try:
+        return report(read_model(entry))
+    except InputError as error:
+        return UnusableModel(entry.object_id, entry.name, str(entry.mesh), str(error))
+
+
+def _print(reports: list[ModelReport | UnusableModel], title: str) -> None:
     from rich.console import Console
 
-    from physim_drake.cli.progress import Steps
-    from physim_drake.objects.model import ObjectLibrary
-
-    library, reports = ObjectLibrary.load(folder), []
-    with Steps(messages(quiet), "object", len(library)) as steps:
-        for model in library.values():
-            reports.append(report(model))
-            steps.advance()
-    if json_file is not None:
-        facts = [asdict(item) for item in reports]
-        if output_json(json_file, facts):
-            return
     console = Console()
-    console.print(_table(reports, str(folder)))
+    usable = [item for item in reports if isinstance(item, ModelReport)]
+    if usable:
+        console.print(_table(usable, title))
     for item in reports:
-        for problem in item.problems:
-            console.print(f"{item.id} {item.name}: {problem}", markup=False)
+        if isinstance(item, UnusableModel):
+            console.print(
+                f"{item.id} {item.name} cannot be used: {item.error}", markup=False
+            )
+        else:
+            for problem in item.problems:
+                console.print(f"{item.id} {item.name}: {problem}", markup=False)
 
 
 def report(model: ObjectModel) -> ModelReport:
@@ -95,12 +133,12 @@ def report(model: ObjectModel) -> ModelReport:
         file=str(model.source),
         extents_mm=[round(float(x) * 1e3, 1) for x in model.extents],
         diameter_mm=round(model.diameter * 1e3, 1),
-        volume_cm3=round(float(model.mesh.volume) * 1e6, 1),
+        volume_cm3=round(float(model.solid.volume) * 1e6, 1),
         mass=round(model.mass, 4),
         symmetry=describe_symmetry(model.symmetry),
         collision_pieces=len(model.collision_pieces),
         collision_deviation_mm=round(
-            pieces_deviation(model.collision_pieces, model.mesh) * 1e3, 2
+            pieces_deviation(model.collision_pieces, model.solid) * 1e3, 2
         ),
         problems=list(model.problems),
     )

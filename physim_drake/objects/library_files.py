@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: MIT
 """Finds the objects that a folder holds, in any of three layouts; reads no mesh.
 
-1. `library.yaml` at the root, with meshes in metres. Only id, name and mesh are
-   needed; paths are relative to the folder; a symmetry matrix is 16 numbers row-wise,
-   in metres::
+1. `library.yaml` at the root, with meshes in metres if `unit` says nothing else. Only
+   id and mesh are needed. Paths are relative to the folder. A symmetry matrix is 16
+   numbers row-wise, in metres::
 
        objects:
        - id: 1
          name: crayola_24_ct
          mesh: crayola_24_ct/crayola_24_ct.obj
+         unit: mm
+         scale: 1.02
          collision: [crayola_24_ct/crayola_24_ct_collision_0.obj]
          mass: 0.22
          friction: 0.8
@@ -37,6 +39,9 @@ from physim_drake.poses import ContinuousAxis, SymmetryGroup, is_rotation
 from physim_drake.storage.json_nodes import MAX_ID, read_json
 from physim_drake.storage.text import read_text
 from physim_drake.storage.yaml_limits import MAX_YAML_BYTES, check_yaml
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+"""Metres per unit of length, by the unit's name."""
 
 LIBRARY_FILE = "library.yaml"
 BOP_FILE = "models_info.json"
@@ -70,14 +75,18 @@ class ObjectConfig:
 
     id: int = 0
     name: str = ""
-    # Visual surface, m, relative to the folder.
+    # File of the visual surface, relative to the folder.
     mesh: str = ""
-    # Convex pieces, m, relative to the folder; computed where there are none.
+    # Unit of length in the files of this object: m, cm, mm or in.
+    unit: str = "m"
+    # Factor on the size of the meshes, after the unit.
+    scale: float = 1.0
+    # Files of convex pieces, relative to the folder; computed if there are none.
     collision: list[str] = field(default_factory=list)
-    # kg; from the volume where it is not given.
+    # kg; from the volume if it is not given.
     mass: float | None = None
     friction: float = DEFAULT_FRICTION
-    # Found from the shape where it is not given.
+    # Found from the shape if it is not given.
     symmetry: SymmetryConfig | None = None
 
 
@@ -96,8 +105,8 @@ class ObjectEntry:
         object_id: its number.
         name: its name.
         mesh: the file with its surface.
-        unit: metres per unit of that file.
-        collision: files with convex pieces, m.
+        unit: metres per unit of that file and of the convex pieces.
+        collision: files with convex pieces.
         mass: kg, or None where it is not known.
         friction: coefficient of friction.
         symmetry: None where it is to be found from the shape.
@@ -160,7 +169,7 @@ def _read_library(folder: Path) -> list[ObjectEntry]:
         raise InputError(
             path,
             f"cannot be used ({reason})",
-            "give id, name, mesh, collision, mass, friction, symmetry",
+            "give id, name, mesh, unit, scale, collision, mass, friction, symmetry",
             "objects",
         ) from error
     return [_library_entry(path, i, item) for i, item in enumerate(config.objects)]
@@ -182,7 +191,13 @@ def _library_entry(path: Path, index: int, config: ObjectConfig) -> ObjectEntry:
             f"give at most {MAX_NAME} printable characters",
             f"{where}.name",
         )
-    for key, value in (("mass", config.mass), ("friction", config.friction)):
+    if config.unit not in UNITS:
+        known = ", ".join(UNITS)
+        raise InputError(
+            path, f"is {config.unit[:40]!a}", f"give one of {known}", f"{where}.unit"
+        )
+    positive = ("mass", "friction", "scale")
+    for key, value in ((key, getattr(config, key)) for key in positive):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(path, f"is {value}", "must be positive", f"{where}.{key}")
     symmetry = None
@@ -195,6 +210,7 @@ def _library_entry(path: Path, index: int, config: ObjectConfig) -> ObjectEntry:
         config.id,
         name,
         _below(path, config.mesh, f"{where}.mesh"),
+        unit=UNITS[config.unit] * config.scale,
         collision=tuple(
             _below(path, piece, f"{where}.collision") for piece in config.collision
         ),

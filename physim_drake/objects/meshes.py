@@ -11,13 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from physim_drake.errors import InputError
+from physim_drake.objects.closed_surface import close_holes, describe_boundary
 from physim_drake.objects.mesh_assets import FolderResolver
 from physim_drake.objects.mesh_limits import MAX_FACES, read_mesh_file
 from physim_drake.poses import Array
@@ -29,10 +27,10 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 _MERGE_DISTANCE = 1e-6  # m; vertices this close are one
-_MAX_BOUNDARY_EDGES = 0.05  # share of all edges
-_MAX_HOLE_AREA = 0.05  # share of the surface
 _DIAMETERS = (0.005, 5.0)  # m, of objects a camera can see and a gripper can hold
+_LIKELY_DIAMETERS = (0.012, 1.5)  # m; beyond these the unit is doubted
 _UNITS = {"metres": 1.0, "centimetres": 1e-2, "millimetres": 1e-3}
+_SHORT = {"metres": "m", "centimetres": "cm", "millimetres": "mm"}
 _TYPICAL_SIZE = 0.15  # m
 
 
@@ -99,8 +97,8 @@ def read_mesh(path: Path, unit: float = 1.0) -> MeshReading:
         unit: metres per unit of the file.
 
     Raises:
-        InputError: where the file cannot be read, its values are no numbers, its size
-            is not an object's, or the surface is open.
+        InputError: if the file cannot be read, its values are not numbers, its size
+            is not an object's, or it is flat.
     """
     raw = read_raw_mesh(path)
     vertices, faces = np.asarray(raw.vertices) * unit, np.asarray(raw.faces)
@@ -116,12 +114,12 @@ def read_mesh(path: Path, unit: float = 1.0) -> MeshReading:
         raise InputError(
             path, "holds NaN or infinite values", "repair the mesh", "vertices"
         )
-    _check_size(path, used, unit)
+    doubts = _check_size(path, used, unit)
     spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
     if spread[-1] < 1e-5 * spread[0]:
         raise InputError(path, "is flat: it encloses no volume", "model a solid")
     mesh, problems = clean_mesh(vertices, faces)
-    return MeshReading(mesh, (*problems, *_check_closed(path, mesh)))
+    return MeshReading(mesh, (*problems, *doubts, *describe_boundary(mesh)))
 
 
 def clean_mesh(vertices: Array, faces: Array) -> tuple[trimesh.Trimesh, list[str]]:
@@ -146,7 +144,8 @@ def clean_mesh(vertices: Array, faces: Array) -> tuple[trimesh.Trimesh, list[str
         mesh.fix_normals()
         left = "" if mesh.is_winding_consistent else ", and some still are not"
         problems.append(f"its faces were not turned the same way{left}")
-    if mesh.volume < 0:
+    # The volume of an open surface depends on where the origin is.
+    if (mesh if mesh.is_watertight else close_holes(mesh)).volume < 0:
         mesh.invert()
         problems.append("its faces were turned inside out")
     return mesh, problems
@@ -198,70 +197,29 @@ def sample_evenly(
     return candidates[chosen], normals
 
 
-def _check_size(path: Path, vertices: Array, unit: float) -> None:
+def _check_size(path: Path, vertices: Array, unit: float) -> list[str]:
+    """Refuses impossible sizes; returns a sentence about one that is doubtful."""
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if _DIAMETERS[0] <= size <= _DIAMETERS[1]:
-        return
+    if _LIKELY_DIAMETERS[0] <= size <= _LIKELY_DIAMETERS[1]:
+        return []
     used = min(_UNITS, key=lambda name: abs(_UNITS[name] - unit))
     in_unit = max(size / unit, 1e-9)
     likely = min(
         _UNITS, key=lambda name: abs(np.log(in_unit * _UNITS[name] / _TYPICAL_SIZE))
     )
+    if _DIAMETERS[0] <= size <= _DIAMETERS[1]:
+        if likely == used:
+            return []
+        return [
+            f"it is {size:.3g} m across when its values are {used}. The file is likely "
+            f"in {likely}: if so, write unit: {_SHORT[likely]} in a library.yaml"
+        ]
     raise InputError(
         path,
         f"is {size:.3g} m across when its values are {used}",
         f"the file is likely in {likely}: scale it to {used}",
         "vertices",
     )
-
-
-def _check_closed(path: Path, mesh: trimesh.Trimesh) -> list[str]:
-    """Refuses a surface with large holes; returns a sentence about small ones."""
-    uses = np.bincount(mesh.edges_unique_inverse)
-    once = np.count_nonzero(uses == 1)
-    many = np.count_nonzero(uses > 2)
-    share = once / len(uses)
-    holes = _hole_area(mesh, uses) / float(mesh.area)
-    if holes > _MAX_HOLE_AREA or (share > _MAX_BOUNDARY_EDGES and holes > 0.01):
-        raise InputError(
-            path,
-            f"is an open surface: {share:.0%} of its edges have one face, its holes "
-            f"are {holes:.0%} of its area",
-            "close the holes; the inside of an object must be known",
-            "faces",
-        )
-    problems = []
-    if once:
-        problems.append(f"{once} edges have one face only (holes {holes:.1%} of area)")
-    if many:
-        problems.append(f"{many} edges have more than two faces")
-    return problems
-
-
-def _hole_area(mesh: trimesh.Trimesh, uses: NDArray[np.intp]) -> float:
-    """The area of all holes, m^2.
-
-    The vector area of each connected piece of the boundary, which does not depend on
-    how the hole would be filled and is zero for a crack whose sides lie together.
-    """
-    directed = np.asarray(mesh.edges)[uses[mesh.edges_unique_inverse] == 1]
-    if len(directed) == 0:
-        return 0.0
-    count = len(mesh.vertices)
-    graph = coo_array(
-        (np.ones(len(directed)), (directed[:, 0], directed[:, 1])), (count, count)
-    )
-    _, label = connected_components(graph, directed=False)
-    start, end = (np.asarray(mesh.vertices)[directed[:, k]] for k in (0, 1))
-    # Relative to one point of its own boundary, so that a loop left open by an edge
-    # with three faces counts as closed through that point.
-    _, first = np.unique(label, return_index=True)
-    origin = np.asarray(mesh.vertices)[first[label[directed[:, 0]]]]
-    vectors = np.zeros((label.max() + 1, 3))
-    np.add.at(
-        vectors, label[directed[:, 0]], np.cross(start - origin, end - origin) / 2
-    )
-    return float(np.linalg.norm(vectors, axis=1).sum())
 
 
 def _first_line(error: Exception) -> str:

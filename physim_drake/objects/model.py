@@ -18,6 +18,7 @@ import trimesh
 
 from physim_drake.errors import InputError
 from physim_drake.objects import meshes
+from physim_drake.objects.closed_surface import closed_copy
 from physim_drake.objects.convex_pieces import convex_pieces
 from physim_drake.objects.library_files import (
     DEFAULT_FRICTION,
@@ -39,7 +40,7 @@ class ObjectModel:
     Attributes:
         object_id: its number in the library.
         name: its name.
-        mesh: visual surface in O, m, vertices merged, normals outward.
+        mesh: visual surface in O, m, vertices merged, normals outward; may be open.
         symmetry: the motions that map it onto itself.
         mass: kg.
         center_of_mass: (3,), m, in O.
@@ -86,13 +87,13 @@ class ObjectModel:
         Args:
             object_id: its number.
             name: its name.
-            mesh: closed surface in O, m.
+            mesh: surface in O, m; it may be open.
             symmetry: found from the shape where it is None.
             mass: kg; from the volume and `DEFAULT_DENSITY` where it is None.
             friction: coefficient of friction.
             given_pieces: convex pieces in O, m; computed when needed where empty.
         """
-        solid = _solid(mesh)
+        solid = _solid(closed_copy(mesh))
         mass = DEFAULT_DENSITY * float(solid.volume) if mass is None else mass
         return cls(
             object_id,
@@ -107,9 +108,14 @@ class ObjectModel:
         )
 
     @cached_property
+    def solid(self) -> trimesh.Trimesh:
+        """The surface with an inside, in O, m: a closed copy if `mesh` is open."""
+        return closed_copy(self.mesh)
+
+    @cached_property
     def collision_pieces(self) -> tuple[trimesh.Trimesh, ...]:
         """Convex pieces in O, m; computed at first use where none were given."""
-        return self.given_pieces or convex_pieces(self.mesh)
+        return self.given_pieces or convex_pieces(self.solid)
 
     @cached_property
     def diameter(self) -> float:
@@ -173,7 +179,7 @@ class ObjectLibrary(Mapping[int, ObjectModel]):
         for object_id in wanted:
             if object_id not in entries:
                 raise _missing(folder, object_id, list(entries))
-        return cls([_read_model(entries[i]) for i in wanted], folder)
+        return cls([read_model(entries[i]) for i in wanted], folder)
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -212,9 +218,16 @@ class ObjectLibrary(Mapping[int, ObjectModel]):
         return len(self._models)
 
 
-def _read_model(entry: ObjectEntry) -> ObjectModel:
+def read_model(entry: ObjectEntry) -> ObjectModel:
+    """Reads the files of one object.
+
+    Raises:
+        InputError: if a mesh is missing or cannot be used.
+    """
     reading = meshes.read_mesh(entry.mesh, entry.unit)
-    pieces = tuple(meshes.read_mesh(path).mesh.convex_hull for path in entry.collision)
+    pieces = tuple(
+        meshes.read_mesh(path, entry.unit).mesh.convex_hull for path in entry.collision
+    )
     model = ObjectModel.from_mesh(
         entry.object_id,
         entry.name,

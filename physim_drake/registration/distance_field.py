@@ -94,30 +94,29 @@ class DistanceField:
         return distances, gradients
 
 
-def build_distance_field(mesh: trimesh.Trimesh) -> DistanceField:
+def build_distance_field(
+    mesh: trimesh.Trimesh, solid: trimesh.Trimesh | None = None
+) -> DistanceField:
     """Tabulates the signed distance to `mesh` (metres) with a margin of 30 mm.
 
     Distances to the triangles are exact within two cells of the surface, and too large
     by up to a cell beyond. A flood from outside cannot reach the inside, even
     through cracks narrower than a cell.
+
+    Args:
+        mesh: the surface that distances are taken to, m.
+        solid: a closed copy of it that says what is inside; `mesh` if it is None.
     """
     low, high = mesh.bounds
     size = high - low + 2 * _MARGIN
     spacing = max(_MIN_SPACING, float(np.prod(size) / _MAX_CELLS) ** (1 / 3))
     shape = np.ceil(size / spacing).astype(int) + 1
     origin = low - _MARGIN
-    count = int(_SAMPLES_PER_CELL_AREA * mesh.area / spacing**2) + 1000
-    count += min(_SAMPLES_PER_FACE * len(mesh.faces), _MAX_FACE_SAMPLES)
-    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
-    unsigned = _sample_distances(samples, origin, spacing, shape).ravel()
-    near = unsigned < _EXACT_BAND * spacing
-    index = np.stack(np.unravel_index(np.flatnonzero(near), shape), axis=1)
-    nodes = origin + spacing * index
-    nearest = cKDTree(samples).query(nodes, k=6)[1]
-    exact, normals_side = _exact_distances(mesh, nodes, faces[nearest])
-    unsigned[near] = exact
-
-    outside = _flood_outside(unsigned.reshape(shape) > 0.9 * spacing)
+    unsigned, near, normals_side = _unsigned_distances(mesh, origin, spacing, shape)
+    wall = unsigned
+    if solid is not None and solid is not mesh:
+        wall = _unsigned_distances(solid, origin, spacing, shape)[0]
+    outside = _flood_outside(wall.reshape(shape) > 0.9 * spacing)
     negative = ~outside.ravel() & (unsigned > 0.9 * spacing)
     band = near.copy()
     band[near] = (unsigned[near] <= 0.9 * spacing) & (normals_side < 0)
@@ -127,6 +126,23 @@ def build_distance_field(mesh: trimesh.Trimesh) -> DistanceField:
         spacing,
         signed.reshape(shape).astype(np.float32),
     )
+
+
+def _unsigned_distances(
+    mesh: trimesh.Trimesh, origin: Array, spacing: float, shape: NDArray[np.int64]
+) -> tuple[Array, NDArray[np.bool_], Array]:
+    """Distances of all nodes (N,), which are exact (N,), and the side of those."""
+    count = int(_SAMPLES_PER_CELL_AREA * mesh.area / spacing**2) + 1000
+    count += min(_SAMPLES_PER_FACE * len(mesh.faces), _MAX_FACE_SAMPLES)
+    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
+    unsigned = _sample_distances(samples, origin, spacing, shape).ravel()
+    near = unsigned < _EXACT_BAND * spacing
+    index = np.stack(np.unravel_index(np.flatnonzero(near), shape), axis=1)
+    nodes = origin + spacing * index
+    nearest = cKDTree(samples).query(nodes, k=6)[1]
+    exact, side = _exact_distances(mesh, nodes, faces[nearest])
+    unsigned[near] = exact
+    return unsigned, near, side
 
 
 def _sample_distances(

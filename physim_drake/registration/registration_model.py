@@ -36,7 +36,9 @@ class RegistrationModel:
 def registration_model(model: ObjectModel) -> RegistrationModel:
     """Tabulates an object. The last 256 are kept."""
     points, normals = model.surface_sample(SURFACE_POINTS)
-    return RegistrationModel(build_distance_field(model.mesh), points, normals)
+    return RegistrationModel(
+        build_distance_field(model.mesh, model.solid), points, normals
+    )
 
 
 @lru_cache(maxsize=256)

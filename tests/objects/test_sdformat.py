@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +102,17 @@ def test_models_check(textured: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "50 x 80 x 120" in result.output
     assert '"symmetry": "4 discrete"' in report.read_text()
+
+
+def test_models_check_goes_on_after_a_bad_file(tmp_path: Path) -> None:
+    (tmp_path / "a.ply").write_text("nonsense")
+    trimesh.creation.box((0.05, 0.05, 0.05)).export(tmp_path / "b.ply")
+    report = tmp_path / "report.json"
+    result = CliRunner().invoke(
+        models_app, ["check", str(tmp_path), "--json", str(report)]
+    )
+    assert result.exit_code == 2
+    bad, good = json.loads(report.read_text())
+    assert "is no readable mesh" in bad["error"]
+    assert good["extents_mm"] == [50.0, 50.0, 50.0]
+    assert "1 a cannot be used" in result.output
