@@ -94,7 +94,7 @@ def _default(default: Any, info: ArgumentInfo | OptionInfo) -> str:
         return _marked(info.show_default)
     if default is True:
         return "yes"
-    # 0 is False to Python, and a default to be told.
+    # 0 equals False in Python, but it is a default to print.
     return "" if default is None or default is False else f"`{default}`"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where the objects of a plant truly are."""
+"""The true poses of the objects of a plant."""
 
 from __future__ import annotations
 

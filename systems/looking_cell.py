@@ -96,7 +96,7 @@ class LookingCell:
         self.place(())
 
     def place(self, models: Sequence[PlacedModel]) -> None:
-        """Puts objects where they are, and all others away."""
+        """Puts objects at their poses, and all others away."""
         poses = {model.object_id: model.X_WO for model in models}
         for instance in self.instances:
             X_WO = poses.get(instance.object_id)

@@ -28,13 +28,13 @@ LIBRARIES = {"apc11": APC11}
 
 @dataclass(frozen=True)
 class PerceptionCameraConfig(CameraSourceConfig):
-    """A camera, and where it is.
+    """A camera and its pose.
 
     Attributes:
         X_PB: pose of the optical frame (z forward, x right, y down) in the frame of
             the plant that its ``base_frame`` names, as in ``arm::wrist``; by default
             the world.
-        renderer: name of a renderer of the scene graph; it is made if there is none.
+        renderer: name of a renderer of the scene graph; it is made if it is missing.
     """
 
     X_PB: Transform = field(default_factory=Transform)
@@ -180,7 +180,7 @@ class PerceptionConfig:
     """A perception diagram.
 
     Attributes:
-        camera: the camera, and where it is.
+        camera: camera and its pose.
         detector: used if no other detector is given to the diagram; in YAML an
             oracle is tagged, as in ``detector: !OracleDetectorConfig {jitter: 0.06}``.
         estimator: settings of the estimation.

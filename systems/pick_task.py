@@ -27,7 +27,7 @@ from physim_drake.systems.stamped import Stamped, fits
 
 @dataclass(frozen=True)
 class JointLayout:
-    """Where the planned joints are among the robot's actuated ones.
+    """The planned joints among the robot's actuated ones.
 
     Attributes:
         rest: angles of all actuated joints when the arm is at home, (m,), rad.

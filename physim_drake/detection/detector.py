@@ -32,9 +32,9 @@ class NetworkDetector:
         source: name in messages, for instance its file.
 
     Attributes:
-        classes: as given.
-        channels: as given.
-        source: as given.
+        classes: classes that it tells apart.
+        channels: channels of its images.
+        source: name in messages.
     """
 
     def __init__(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is reported of each object: its pose in camera and world, or why it has none."""
+"""The report on each object: its pose in camera and world, or why it was not found."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def connect(
     Raises:
         PlanFailure: if no way is found.
     """
-    # Where the arm is, it may have overshot into the margin that plans keep.
+    # At its present place the arm may have overshot into the margin that plans keep.
     for q, place, slack in (
         (q_start, "where the arm is", scene.config.limit_margin),
         (q_goal, "at the goal", 0.0),

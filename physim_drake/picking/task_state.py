@@ -158,7 +158,7 @@ class TaskState:
 
         Args:
             rest: a motion that stays where the arm is.
-            fills: how full the tote is.
+            fills: fill height below each drop of the tote, m.
         """
         return cls(Phase.RETREAT, 0.0, Motion(rest, -rest.duration), fills=fills)
 

@@ -271,7 +271,7 @@ def _accumulate(
 
 @compiled(error_model="numpy")
 def _smallest(values: Array, rank: int) -> float:
-    """The value of this rank from below (Hoare's selection); disorders `values`.
+    """The value of this rank from below (Hoare's selection). It reorders `values`.
 
     In place of `np.partition`, which allocates: this runs in each step of each pose.
     """
@@ -298,7 +298,7 @@ def _smallest(values: Array, rank: int) -> float:
 
 @compiled(error_model="numpy")
 def solve_positive(A: Array, b: Array) -> None:
-    """Solves A x = b in place by Cholesky; only the lower triangle of A is read.
+    """Solves A x = b in place by Cholesky. It reads only the lower triangle of A.
 
     In place of `np.linalg.solve`, which allocates and asks LAPACK: A is 6 x 6.
     """

@@ -14,7 +14,7 @@ RIGHT_DEG, RIGHT_MM = 5.0, 10.0
 """A pose within both is called right."""
 
 NEAR_DEG, NEAR_MM = 20.0, 25.0
-"""A hypothesis within both is one that registration can be expected to mend."""
+"""A hypothesis within both is one that registration can be expected to correct."""
 
 _DOUBTED = 0.9
 _RIVALS = (

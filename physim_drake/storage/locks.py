@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Locks on files and folders that end with the process that holds them.
 
-Whatever a process has locked is in use. What it left behind when it was killed can be
-locked by another one, which is how abandoned temporary files are told from others.
+Whatever a process has locked is in use. If it was killed, another process can lock what
+it left behind. This is how abandoned temporary files are recognised.
 """
 
 from __future__ import annotations

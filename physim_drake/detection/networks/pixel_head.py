@@ -29,7 +29,7 @@ class PixelHead(nn.Module):
         classes: number of classes, without background.
 
     Attributes:
-        classes: as given.
+        classes: number of classes, without background.
     """
 
     def __init__(self, channels: int, classes: int) -> None:

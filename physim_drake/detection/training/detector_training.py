@@ -102,7 +102,7 @@ class TrainDetectorConfig:
 
 
 def _untold(stage: str, done: int, total: int, text: str) -> None:
-    """Progress that no one is told."""
+    """Progress that is not shown."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class DetectorTrainingJob:
         device: device that the network learns on.
         resume: whether to go on with what an earlier run left.
         engine: machine or cluster that generates scenes.
-        progress: function that is told how it goes.
+        progress: callback for the progress.
     """
 
     out: Path

@@ -93,7 +93,7 @@ class Trainer:
 
     Attributes:
         step: number of steps done.
-        network: as given.
+        network: network that is trained.
         average: average of its weights, which are the ones to use.
     """
 
@@ -124,9 +124,10 @@ class Trainer:
         """Trains to the last step.
 
         Args:
-            save: writes the averaged weights, each time the state is written.
-            test: judges a network with the averaged weights, after so many steps.
-            report: is told the losses after so many steps.
+            save: function that writes the averaged weights, called with each state.
+            test: function that judges a network with the averaged weights, called after
+                so many steps.
+            report: callback for the losses after so many steps.
 
         Raises:
             InputError: if a file cannot be written.

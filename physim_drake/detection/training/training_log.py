@@ -49,7 +49,7 @@ class TrainingLog:
         InputError: if the folder's log belongs to a run with other settings.
 
     Attributes:
-        settings: as given, as JSON gives them back.
+        settings: settings of the run, as read back from JSON.
         losses: an entry every few steps.
         tests: an entry per test.
         seconds: time of training so far.
