@@ -7,6 +7,7 @@ import base64
 import json
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -51,10 +52,60 @@ def check_glb(path: Path, data: bytes, max_faces: int) -> None:
     Raises:
         InputError: where a number is impossible or a limit is exceeded.
     """
-    try:
+    with _named(path):
         tree, binary = _chunks(data)
+        # Data from elsewhere are not needed: a GLB file is made to hold all its own.
+        if any("uri" in buffer for buffer in tree.get("buffers", [])):
+            raise ValueError("refers to other files")
         _check_tree(tree, len(binary), max_faces)
         _check_images(tree, binary)
+
+
+def check_gltf(path: Path, data: bytes, max_faces: int) -> None:
+    """Compares what a glTF file in JSON announces with its data file and the limits.
+
+    Images are not looked at here: they are read as files, or not at all if they are in
+    a format such as KTX2.
+
+    Args:
+        path: of the file, whose folder holds its data.
+        data: the file.
+        max_faces: of all instances of all its meshes together.
+
+    Raises:
+        InputError: if a number is impossible, a limit is exceeded, or the data are
+            missing.
+    """
+    with _named(path):
+        if len(data) > MAX_JSON_BYTES:
+            raise ValueError(f"says its description has {len(data)} bytes")
+        tree = json.loads(data, parse_constant=_reject)
+        buffers = tree.get("buffers", [])
+        if len(buffers) != 1:
+            raise ValueError(f"has {len(buffers)} data buffers; one is read")
+        name = str(buffers[0]["uri"])
+        if name.startswith("data:"):
+            size = len(base64.b64decode(name.partition(",")[2]))
+        else:
+            file = path.parent / name
+            if Path(name).is_absolute() or ".." in Path(name).parts:
+                raise ValueError(f"its data must lie beside it, not in {name[:60]!a}")
+            if not file.is_file():
+                raise ValueError(f"its data file {name[:60]!a} is missing")
+            size = file.stat().st_size
+        images = tree.get("images", [])
+        if any(str(image.get("uri", "")).startswith("data:") for image in images):
+            raise ValueError("holds images in its text; save it as GLB")
+        if any("bufferView" in image for image in images):
+            raise ValueError("holds images in its data; save it as GLB")
+        _check_tree(tree, size, max_faces)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Puts what is wrong with a description as an `InputError` that names the file."""
+    try:
+        yield
     except (KeyError, IndexError, TypeError, AttributeError, RecursionError) as error:
         problem = f"its description is no glTF ({type(error).__name__}: {error})"
         raise InputError(path, problem[:160], "export it again") from None
@@ -86,9 +137,6 @@ def _reject(name: str) -> None:
 
 
 def _check_tree(tree: dict[str, Any], binary: int, max_faces: int) -> None:
-    # Data from elsewhere are not needed: a GLB file is made to hold all its own.
-    if any("uri" in buffer for buffer in tree.get("buffers", [])):
-        raise ValueError("refers to other files")
     views = tree.get("bufferViews", [])
     for view in views:
         end = _whole(view, "byteOffset", 0) + _whole(view, "byteLength")

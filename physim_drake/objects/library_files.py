@@ -19,9 +19,9 @@
            continuous: [{axis: [0, 1, 0], point: [0, 0, 0]}]
 
 2. A BOP `models` folder: `obj_000001.ply` ... in millimetres, and `models_info.json`.
-3. Any OBJ, PLY, STL or GLB files in metres, in the folder or one level below, numbered
-   from 1 in the natural order of their names. Files with `collision` in their name are
-   left out.
+3. Any OBJ, PLY, STL, GLB or glTF files in metres, in the folder or one level below,
+   numbered from 1 in the natural order of their names; or YCB's folders, one for each
+   object. `mesh_folders` tells objects from their copies and convex pieces.
 """
 
 # No postponed annotations here: Drake's YAML loader reads the types themselves.
@@ -34,7 +34,13 @@ import numpy as np
 from pydrake.common.yaml import yaml_load_typed
 
 from physim_drake.errors import InputError
-from physim_drake.objects.meshes import MESH_SUFFIXES
+from physim_drake.objects.mesh_folders import (
+    find_meshes,
+    unread_files,
+    warn_of_unread_files,
+)
+from physim_drake.objects.mesh_limits import CONVERSIONS
+from physim_drake.objects.meshes import MESH_SUFFIXES, read_raw_mesh
 from physim_drake.poses import ContinuousAxis, SymmetryGroup, is_rotation
 from physim_drake.storage.json_nodes import MAX_ID, read_json
 from physim_drake.storage.text import read_text
@@ -45,6 +51,7 @@ UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 
 LIBRARY_FILE = "library.yaml"
 BOP_FILE = "models_info.json"
+_LARGEST_IN_METRES = 5.0
 DEFAULT_FRICTION = 0.8
 MAX_NAME = 100
 """Longest name of an object."""
@@ -133,17 +140,14 @@ def find_objects(folder: Path) -> list[ObjectEntry]:
         raise InputError(folder, "is no folder", "give a folder of object models")
     if (folder / LIBRARY_FILE).is_file():
         entries = _read_library(folder)
-    elif (folder / BOP_FILE).is_file() or any(folder.glob("obj_[0-9]*.ply")):
+    elif (folder / BOP_FILE).is_file() or any(
+        p.suffix.lower() in (".ply", ".glb") for p in folder.glob("obj_[0-9]*")
+    ):
         entries = _read_bop(folder)
     else:
         entries = _read_loose(folder)
     if not entries:
-        raise InputError(
-            folder,
-            "holds no object models",
-            f"put {LIBRARY_FILE}, a BOP models folder, or "
-            f"{', '.join(MESH_SUFFIXES)} files there",
-        )
+        raise _nothing_found(folder)
     seen: dict[int, str] = {}
     for entry in entries:
         if entry.object_id in seen:
@@ -240,7 +244,10 @@ def _read_bop(folder: Path) -> list[ObjectEntry]:
         if not isinstance(infos, dict):
             raise InputError(path, "is no JSON object", "map each id to its facts")
     entries = []
-    for mesh in folder.glob("obj_*.ply"):
+    meshes = [*folder.glob("obj_*.ply")]
+    present = {path.stem for path in meshes}
+    meshes += [path for path in folder.glob("obj_*.glb") if path.stem not in present]
+    for mesh in meshes:
         match = re.fullmatch(r"obj_([0-9]{1,6})", mesh.stem)
         if match:
             object_id = int(match[1])
@@ -250,11 +257,20 @@ def _read_bop(folder: Path) -> list[ObjectEntry]:
                     object_id,
                     mesh.stem,
                     mesh,
-                    unit=1e-3,
+                    unit=1e-3 if mesh.suffix == ".ply" else _glb_unit(mesh, info),
                     symmetry=_bop_symmetry(path, str(object_id), info),
                 )
             )
     return entries
+
+
+def _glb_unit(path: Path, info: object) -> float:
+    """Metres per unit: GLB says metres, BOP millimetres, `models_info.json` decides."""
+    size = float(np.linalg.norm(read_raw_mesh(path).extents))
+    stated = info.get("diameter") if isinstance(info, dict) else None
+    if not isinstance(stated, (int, float)) or not 0 < stated < 1e6:
+        return 1.0 if size < _LARGEST_IN_METRES else 1e-3
+    return min((1.0, 1e-3), key=lambda unit: abs(np.log(size * unit * 1e3 / stated)))
 
 
 def _bop_symmetry(path: Path, key: str, info: object) -> SymmetryGroup | None:
@@ -338,19 +354,22 @@ def _numbers(
 
 
 def _read_loose(folder: Path) -> list[ObjectEntry]:
-    paths = [
-        path
-        for pattern in ("*", "*/*")
-        for path in folder.glob(pattern)
-        if path.suffix.lower() in MESH_SUFFIXES and "collision" not in path.stem
-    ]
-    paths.sort(key=lambda path: (_natural(path.stem), str(path)))
-    return [ObjectEntry(i, path.stem, path) for i, path in enumerate(paths, start=1)]
+    found = find_meshes(folder)
+    if found:
+        warn_of_unread_files(folder)
+    return [ObjectEntry(i, name, path) for i, (name, path) in enumerate(found, start=1)]
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Sort key by which `box2` comes before `box10`."""
-    return [
-        (int(part), "") if part.isdigit() else (-1, part.lower())
-        for part in re.split(r"(\d+)", name)
-    ]
+def _nothing_found(folder: Path) -> InputError:
+    for path in unread_files(folder):
+        return InputError(
+            folder,
+            f"holds no object models that are read, but {path.name}",
+            f"convert it: {CONVERSIONS[path.suffix.lower()]}",
+        )
+    return InputError(
+        folder,
+        "holds no object models",
+        f"put {LIBRARY_FILE}, a BOP models folder, or "
+        f"{', '.join(MESH_SUFFIXES)} files there",
+    )

@@ -38,7 +38,9 @@ class FolderResolver(Resolver):  # type: ignore[misc]
         if path is None:
             raise FileNotFoundError(key)
         data = path.read_bytes()
-        if path.suffix.lower() != ".mtl":
+        if path.suffix.lower() == ".ktx2":
+            raise FileNotFoundError(key)  # trimesh and Pillow do not decode it
+        if path.suffix.lower() not in (".mtl", ".bin"):
             self._pixels += texture_pixels(data)
             if self._pixels > MAX_PIXELS_OF_ALL:
                 raise ValueError("uses too many textures")

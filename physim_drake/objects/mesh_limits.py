@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 
 from physim_drake.errors import InputError
-from physim_drake.objects.glb_limits import check_glb
+from physim_drake.objects.glb_limits import check_glb, check_gltf
 
 MAX_FACES = 2_000_000
 """Meshes with more faces are refused."""
@@ -22,6 +22,20 @@ MAX_VERTICES = 3 * MAX_FACES
 
 MAX_MESH_BYTES = 250 * MAX_FACES
 """Larger mesh files are not read."""
+
+_BY_TRIMESH = "python -c \"import trimesh; trimesh.load('{0}').export('{1}')\""
+_BY_CASCADIO = (
+    "pip install cascadio; "
+    "python -c \"import cascadio; cascadio.step_to_glb('FILE.step', 'FILE.glb')\""
+)
+CONVERSIONS = {
+    ".step": _BY_CASCADIO,
+    ".stp": _BY_CASCADIO,
+    ".dae": "pip install pycollada; " + _BY_TRIMESH.format("FILE.dae", "FILE.glb"),
+    ".off": _BY_TRIMESH.format("FILE.off", "FILE.ply"),
+    ".fbx": "open it in Blender and export it as glTF binary (.glb)",
+}
+"""What makes a readable file of one that is not read, by its suffix in lower case."""
 
 _MAX_LINES = 8 * MAX_FACES
 _MAX_PLY_HEADER = 65536  # bytes
@@ -46,9 +60,14 @@ def read_mesh_file(path: Path) -> bytes:
     Raises:
         InputError: where it is missing, too large, or claims what it cannot hold.
     """
+    suffix = path.suffix.lower()
     try:
         if not path.is_file():
             raise InputError(path, "does not exist", "check the name of the mesh file")
+        if suffix in CONVERSIONS:
+            raise InputError(
+                path, f"{suffix} is not read", f"convert it: {CONVERSIONS[suffix]}"
+            )
         if (size := path.stat().st_size) > MAX_MESH_BYTES:
             raise _too_large(path, f"has {size / 1e6:.0f} MB")
         data = path.read_bytes()
@@ -56,11 +75,12 @@ def read_mesh_file(path: Path) -> bytes:
         raise InputError(
             path, f"cannot be read: {error.strerror or error}", "check the path"
         ) from None
-    suffix = path.suffix.lower()
     if suffix == ".ply":
         _check_ply(path, data)
     elif suffix == ".glb":
         check_glb(path, data, MAX_FACES)
+    elif suffix == ".gltf":
+        check_gltf(path, data, MAX_FACES)
     elif suffix == ".obj":
         data = _as_utf8(data)
         _check_obj(path, data)

@@ -20,7 +20,7 @@ from physim_drake.objects.mesh_assets import FolderResolver
 from physim_drake.objects.mesh_limits import MAX_FACES, read_mesh_file
 from physim_drake.poses import Array
 
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 """The file formats that are read, by their suffix in lower case."""
 
 # Without a handler trimesh prints tracebacks, of a missing texture for instance.
