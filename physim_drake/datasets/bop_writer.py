@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.datasets.bop import mask_bounds
-from physim_drake.objects.meshes import read_raw_mesh
+from physim_drake.objects.meshes import posed_raw_mesh
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.observation.observation import Mask, RgbdObservation
 from physim_drake.poses import Array, inverse
@@ -246,7 +246,7 @@ def _write_ply(folder: Path, stem: str, model: ObjectModel) -> None:
     mesh, unit, uv = model.mesh, 1.0, None
     if model.texture is not None:
         # The merged mesh of the model has lost the seams of the texture.
-        raw = read_raw_mesh(model.source)
+        raw = posed_raw_mesh(model.source, model.source_unit, model.source_pose)
         uv = getattr(raw.visual, "uv", None)
         image = cv2.imread(str(model.texture), cv2.IMREAD_COLOR)
         if uv is not None and image is not None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from physim_drake.errors import InputError
 from physim_drake.objects.library_files import ObjectEntry, find_objects
-from physim_drake.objects.meshes import read_raw_mesh
+from physim_drake.objects.meshes import posed_raw_mesh
 from physim_drake.poses import Array
 
 _TOLERANCE = 0.005  # m, less than the difference between any two objects
@@ -52,5 +52,5 @@ def require_same_sizes(
 
 def _extents(entry: ObjectEntry) -> Array:
     """Length, width and height of an object, m, smallest first."""
-    mesh = read_raw_mesh(entry.mesh)
+    mesh = posed_raw_mesh(entry.mesh, entry.unit, entry.pose)
     return np.sort(np.ptp(np.asarray(mesh.vertices), axis=0)) * entry.unit

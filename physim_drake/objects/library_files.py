@@ -21,26 +21,31 @@
 2. A BOP `models` folder: `obj_000001.ply` ... in millimetres, and `models_info.json`.
 3. Any OBJ, PLY, STL, GLB or glTF files in metres, in the folder or one level below,
    numbered from 1 in the natural order of their names; or YCB's folders, one for each
-   object. `mesh_folders` tells objects from their copies and convex pieces.
+   object. `mesh_folders` tells objects from their copies and convex pieces. SDFormat
+   and URDF files, each of one mesh, describe an object in the frame of its link.
 """
 
 # No postponed annotations here: Drake's YAML loader reads the types themselves.
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from pydrake.common.yaml import yaml_load_typed
 
 from physim_drake.errors import InputError
+from physim_drake.objects.descriptions import find_described
 from physim_drake.objects.mesh_folders import (
     find_meshes,
+    natural_order,
     unread_files,
     warn_of_unread_files,
 )
 from physim_drake.objects.mesh_limits import CONVERSIONS
 from physim_drake.objects.meshes import MESH_SUFFIXES, read_raw_mesh
+from physim_drake.objects.object_entry import DEFAULT_FRICTION as DEFAULT_FRICTION
+from physim_drake.objects.object_entry import ObjectEntry as ObjectEntry
 from physim_drake.poses import ContinuousAxis, SymmetryGroup, is_rotation
 from physim_drake.storage.json_nodes import MAX_ID, read_json
 from physim_drake.storage.text import read_text
@@ -52,7 +57,6 @@ UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 LIBRARY_FILE = "library.yaml"
 BOP_FILE = "models_info.json"
 _LARGEST_IN_METRES = 5.0
-DEFAULT_FRICTION = 0.8
 MAX_NAME = 100
 """Longest name of an object."""
 
@@ -102,31 +106,6 @@ class LibraryConfig:
     """A whole `library.yaml`."""
 
     objects: list[ObjectConfig] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class ObjectEntry:
-    """What is known of an object before its mesh is read.
-
-    Attributes:
-        object_id: its number.
-        name: its name.
-        mesh: the file with its surface.
-        unit: metres per unit of that file and of the convex pieces.
-        collision: files with convex pieces.
-        mass: kg, or None where it is not known.
-        friction: coefficient of friction.
-        symmetry: None where it is to be found from the shape.
-    """
-
-    object_id: int
-    name: str
-    mesh: Path
-    unit: float = 1.0
-    collision: tuple[Path, ...] = ()
-    mass: float | None = None
-    friction: float = DEFAULT_FRICTION
-    symmetry: SymmetryGroup | None = None
 
 
 def find_objects(folder: Path) -> list[ObjectEntry]:
@@ -354,10 +333,20 @@ def _numbers(
 
 
 def _read_loose(folder: Path) -> list[ObjectEntry]:
-    found = find_meshes(folder)
+    described = find_described(folder)
+    # What lies beside a described mesh belongs to it.
+    taken = {entry.mesh.parent for entry in described}
+    found = [
+        ObjectEntry(0, name, path)
+        for name, path in find_meshes(folder)
+        if path.parent not in taken
+    ]
     if found:
         warn_of_unread_files(folder)
-    return [ObjectEntry(i, name, path) for i, (name, path) in enumerate(found, start=1)]
+    entries = [*described, *found]
+    if described:
+        entries.sort(key=lambda entry: natural_order(entry.name))
+    return [replace(entry, object_id=i) for i, entry in enumerate(entries, start=1)]
 
 
 def _nothing_found(folder: Path) -> InputError:

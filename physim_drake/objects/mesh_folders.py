@@ -41,7 +41,7 @@ def find_meshes(folder: Path) -> list[tuple[str, Path]]:
     for below in sorted(path for path in folder.iterdir() if path.is_dir()):
         if below.name not in _RESOLUTIONS and not _PIECE.search(below.name):
             found += _one_object(below)
-    return sorted(found, key=lambda item: (_natural(item[0]), str(item[1])))
+    return sorted(found, key=lambda item: (natural_order(item[0]), str(item[1])))
 
 
 def unread_files(folder: Path) -> list[Path]:
@@ -94,8 +94,8 @@ def _named_files(folder: Path) -> list[tuple[str, Path]]:
     return list(best.items())
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Sort key by which `box2` comes before `box10`."""
+def natural_order(name: str) -> list[tuple[int, str]]:
+    """Makes a key to sort by, by which `box2` comes before `box10`."""
     return [
         (int(part), "") if part.isdigit() else (-1, part.lower())
         for part in re.split(r"(\d+)", name)

@@ -89,18 +89,40 @@ def read_raw_mesh(path: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def read_mesh(path: Path, unit: float = 1.0) -> MeshReading:
+def posed_raw_mesh(
+    path: Path, unit: float = 1.0, pose: Array | None = None
+) -> trimesh.Trimesh:
+    """Reads all geometry in a file, with its texture, posed in O, in file units.
+
+    Args:
+        path: file that `read_raw_mesh` reads.
+        unit: metres per unit of the file.
+        pose: X_OM (4, 4), m, of the mesh; it is in O if it is None.
+
+    Raises:
+        InputError: if the file is missing, too large, or no mesh.
+    """
+    raw = read_raw_mesh(path)
+    if pose is not None:
+        in_units = pose.copy()
+        in_units[:3, 3] /= unit
+        raw.apply_transform(in_units)
+    return raw
+
+
+def read_mesh(path: Path, unit: float = 1.0, pose: Array | None = None) -> MeshReading:
     """Reads the surface in a file and checks that an object can be made of it.
 
     Args:
         path: an OBJ, PLY, STL or GLB file.
         unit: metres per unit of the file.
+        pose: X_OM (4, 4), m, of the mesh; it is in O if it is None.
 
     Raises:
         InputError: if the file cannot be read, its values are not numbers, its size
             is not an object's, or it is flat.
     """
-    raw = read_raw_mesh(path)
+    raw = posed_raw_mesh(path, unit, pose)
     vertices, faces = np.asarray(raw.vertices) * unit, np.asarray(raw.faces)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(

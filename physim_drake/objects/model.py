@@ -48,6 +48,7 @@ class ObjectModel:
         friction: coefficient of friction, static and dynamic.
         source: the file the mesh was read from.
         source_unit: metres per unit of that file.
+        source_pose: X_OM (4, 4), m, of that file's frame M; None if it is O.
         texture: image of the visual's texture, if there is one.
         given_pieces: convex pieces that were given with the object, in O, m.
         problems: what is wrong with the mesh file, a sentence each.
@@ -63,6 +64,7 @@ class ObjectModel:
     friction: float = DEFAULT_FRICTION
     source: Path = Path()
     source_unit: float = 1.0
+    source_pose: Array | None = None
     texture: Path | None = None
     given_pieces: tuple[trimesh.Trimesh, ...] = ()
     problems: tuple[str, ...] = ()
@@ -224,7 +226,7 @@ def read_model(entry: ObjectEntry) -> ObjectModel:
     Raises:
         InputError: if a mesh is missing or cannot be used.
     """
-    reading = meshes.read_mesh(entry.mesh, entry.unit)
+    reading = meshes.read_mesh(entry.mesh, entry.unit, entry.pose)
     pieces = tuple(
         meshes.read_mesh(path, entry.unit).mesh.convex_hull for path in entry.collision
     )
@@ -237,10 +239,16 @@ def read_model(entry: ObjectEntry) -> ObjectModel:
         friction=entry.friction,
         given_pieces=pieces,
     )
+    if entry.inertia is not None:
+        given = entry.inertia
+        model = replace(
+            model, center_of_mass=given.center_of_mass, inertia=given.inertia
+        )
     return replace(
         model,
         source=entry.mesh,
         source_unit=entry.unit,
+        source_pose=entry.pose,
         texture=find_texture(entry.mesh),
         problems=reading.problems,
     )

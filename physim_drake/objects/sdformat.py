@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import trimesh
 
-from physim_drake.objects.meshes import read_raw_mesh
+from physim_drake.objects.meshes import posed_raw_mesh
 from physim_drake.objects.model import ObjectModel
 from physim_drake.poses import Array
 from physim_drake.storage.files import cannot_write
@@ -106,7 +106,9 @@ def _add_contact(collision: ET.Element, friction: float) -> None:
 def _write_visual(model: ObjectModel, folder: Path, stem: str) -> Path:
     """Writes the visual OBJ with its material; returns its path."""
     path, material = folder / f"{stem}.obj", folder / f"{stem}.mtl"
-    raw = read_raw_mesh(model.source) if model.source.is_file() else None
+    raw = None
+    if model.source.is_file():
+        raw = posed_raw_mesh(model.source, model.source_unit, model.source_pose)
     color, image, uv = _GREY, None, None
     # Which of trimesh's kinds of visuals it is, its `kind` says.
     visual = cast(Any, getattr(raw, "visual", None))
