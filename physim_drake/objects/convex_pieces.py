@@ -40,7 +40,7 @@ def convex_pieces(
 ) -> tuple[trimesh.Trimesh, ...]:
     """Covers a solid with convex pieces.
 
-    The convex hull where the solid is nearly convex; else the approximate convex
+    The convex hull if the solid is nearly convex; else the approximate convex
     decomposition of Wei et al. (CoACD, SIGGRAPH 2022), which takes seconds and is kept
     in the user's cache folder.
 
@@ -130,7 +130,7 @@ def simplify_hull(hull: trimesh.Trimesh, max_faces: int) -> trimesh.Trimesh:
 
     Args:
         hull: convex mesh, m.
-        max_faces: wanted number of faces; more are kept where the tolerance asks.
+        max_faces: wanted number of faces; more are kept if the tolerance asks.
     """
     points = np.asarray(hull.vertices)
     if len(hull.faces) <= max_faces:

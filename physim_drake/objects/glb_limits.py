@@ -50,7 +50,7 @@ def check_glb(path: Path, data: bytes, max_faces: int) -> None:
         max_faces: of all instances of all its meshes together.
 
     Raises:
-        InputError: where a number is impossible or a limit is exceeded.
+        InputError: if a number is impossible or a limit is exceeded.
     """
     with _named(path):
         tree, binary = _chunks(data)
@@ -175,7 +175,7 @@ def _check_accessor(accessor: dict[str, Any], views: list[Any]) -> int:
 
 
 def _mesh_size(mesh: dict[str, Any], counts: list[int]) -> int:
-    """Corners of all triangles of a mesh, or its vertices where they are more."""
+    """Corners of all triangles of a mesh, or its vertices if they are more."""
     size = 0
     for primitive in mesh["primitives"]:
         used = [*primitive["attributes"].values()]
@@ -222,7 +222,7 @@ def texture_pixels(data: bytes) -> int:
     """How many pixels an image says it has; nothing is decoded.
 
     Raises:
-        ValueError: where that is too many, or it is no image of a usual format.
+        ValueError: if that is too many, or it is not an image of a usual format.
     """
     try:
         # Of the formats that Pillow knows, some call other programs.

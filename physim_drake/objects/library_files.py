@@ -112,7 +112,7 @@ def find_objects(folder: Path) -> list[ObjectEntry]:
     """Lists the objects in a folder, by id.
 
     Raises:
-        InputError: where the folder is missing or holds no object, or its description
+        InputError: if the folder is missing or holds no object, or its description
             cannot be used.
     """
     if not folder.is_dir():
@@ -291,7 +291,7 @@ def make_symmetry(
         unit: metres per unit of length in the file.
 
     Raises:
-        InputError: where a matrix is no rigid motion or an axis has no direction.
+        InputError: if a matrix is not a rigid motion or an axis has no direction.
     """
     poses = [np.eye(4)]
     for i, numbers in enumerate(discrete):

@@ -33,7 +33,7 @@ class FolderResolver(Resolver):  # type: ignore[misc]
         self._pixels = 0
 
     def get(self, key: str) -> bytes:
-        """The bytes of a file; raises `FileNotFoundError` where it may not be had."""
+        """The bytes of a file; raises `FileNotFoundError` if it may not be had."""
         path = find_asset(self._folder, key)
         if path is None:
             raise FileNotFoundError(key)

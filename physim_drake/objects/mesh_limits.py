@@ -58,7 +58,7 @@ def read_mesh_file(path: Path) -> bytes:
         path: an OBJ, PLY, STL or GLB file.
 
     Raises:
-        InputError: where it is missing, too large, or claims what it cannot hold.
+        InputError: if it is missing, too large, or claims what it cannot hold.
     """
     suffix = path.suffix.lower()
     try:

@@ -54,7 +54,7 @@ def read_raw_mesh(path: Path) -> trimesh.Trimesh:
         path: an OBJ, PLY, STL or GLB file.
 
     Raises:
-        InputError: where the file is missing, too large, or no mesh.
+        InputError: if the file is missing, too large, or not a mesh.
     """
     data = read_mesh_file(path)
     try:
@@ -100,7 +100,7 @@ def posed_raw_mesh(
         pose: X_OM (4, 4), m, of the mesh; it is in O if it is None.
 
     Raises:
-        InputError: if the file is missing, too large, or no mesh.
+        InputError: if the file is missing, too large, or not a mesh.
     """
     raw = read_raw_mesh(path)
     if pose is not None:

@@ -90,10 +90,10 @@ class ObjectModel:
             object_id: its number.
             name: its name.
             mesh: surface in O, m; it may be open.
-            symmetry: found from the shape where it is None.
-            mass: kg; from the volume and `DEFAULT_DENSITY` where it is None.
+            symmetry: found from the shape if it is None.
+            mass: kg; from the volume and `DEFAULT_DENSITY` if it is None.
             friction: coefficient of friction.
-            given_pieces: convex pieces in O, m; computed when needed where empty.
+            given_pieces: convex pieces in O, m; computed when needed if empty.
         """
         solid = _solid(closed_copy(mesh))
         mass = DEFAULT_DENSITY * float(solid.volume) if mass is None else mass
@@ -116,7 +116,7 @@ class ObjectModel:
 
     @cached_property
     def collision_pieces(self) -> tuple[trimesh.Trimesh, ...]:
-        """Convex pieces in O, m; computed at first use where none were given."""
+        """Convex pieces in O, m; computed at first use if none were given."""
         return self.given_pieces or convex_pieces(self.solid)
 
     @cached_property
@@ -169,10 +169,10 @@ class ObjectLibrary(Mapping[int, ObjectModel]):
 
         Args:
             folder: with a `library.yaml`, a BOP models folder, or loose meshes.
-            object_ids: the objects to read; all where it is None.
+            object_ids: the objects to read; all if it is None.
 
         Raises:
-            InputError: where the folder, an object asked for, or a mesh is missing or
+            InputError: if the folder, an object asked for, or a mesh is missing or
                 cannot be used.
         """
         folder = Path(folder)
@@ -192,7 +192,7 @@ class ObjectLibrary(Mapping[int, ObjectModel]):
         """Returns the object called `name`.
 
         Raises:
-            InputError: where there is none.
+            InputError: if there is none.
         """
         for model in self._models.values():
             if model.name == name:
@@ -255,7 +255,7 @@ def read_model(entry: ObjectEntry) -> ObjectModel:
 
 
 def _solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh where its volume can be trusted, else its convex hull."""
+    """The mesh if its volume can be trusted, else its convex hull."""
     hull = mesh.convex_hull
     trusted = mesh.is_watertight or 0.05 < mesh.volume / hull.volume <= 1.0
     return mesh if trusted and mesh.volume > 1e-3 * hull.volume else hull

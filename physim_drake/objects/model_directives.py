@@ -44,7 +44,7 @@ def add_model(name: str, uri: str, X_WB: Mapping[str, Any] | None = None) -> Dir
     Args:
         name: name of the model instance.
         uri: URI of its file.
-        X_WB: pose of its link `body` where that is free, as Drake's schema for
+        X_WB: pose of its link `body` if that is free, as Drake's schema for
             transforms has it.
     """
     fields: dict[str, Any] = {"name": name, "file": uri}

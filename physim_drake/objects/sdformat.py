@@ -30,7 +30,7 @@ def write_drake_model(model: ObjectModel, folder: Path) -> Path:
     """Writes a model with its meshes into a folder.
 
     The model has one link, `body`, whose frame is O; an OBJ with normals to look at,
-    textured where the source is; and convex compliant hydroelastic pieces to touch.
+    textured if the source is, and convex compliant hydroelastic pieces to touch.
 
     Args:
         model: the object.
@@ -41,7 +41,7 @@ def write_drake_model(model: ObjectModel, folder: Path) -> Path:
         become underscores.
 
     Raises:
-        InputError: where the folder cannot be written.
+        InputError: if the folder cannot be written.
     """
     try:
         return _write_files(model, folder)
@@ -139,7 +139,7 @@ def _write_visual(model: ObjectModel, folder: Path, stem: str) -> Path:
 def _texture_image(raw: trimesh.Trimesh) -> Any:
     """The image of a mesh's material, packed from several if there are.
 
-    None where there is none, or it is damaged.
+    None if there is none, or it is damaged.
     """
     material = getattr(raw.visual, "material", None)
     image = getattr(material, "image", None)

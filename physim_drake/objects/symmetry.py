@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Rotational symmetries of a shape, found by turning it and comparing surfaces.
 
-A motion counts as a symmetry where 95 % of the surface, so moved, lies within a
+A motion counts as a symmetry if 95 % of the surface, so moved, lies within a
 tolerance of the surface, and 98 % within four times that: what a depth image cannot
-tell apart. Candidate axes are the principal axes of the surface; where principal
+tell apart. Candidate axes are the principal axes of the surface. If principal
 moments are nearly equal these are not determined, and directions in the plane, or on
 the sphere, are tried.
 """
@@ -47,7 +47,7 @@ def detect_symmetry(
     Args:
         mesh: surface, m.
         tolerance: largest deviation of 95 % of the moved surface, m; 1.2 % of the
-            bounding box diagonal, and at least 1 mm, where it is None.
+            bounding box diagonal, and at least 1 mm, if it is None.
 
     Returns:
         the group; its discrete motions are closed under multiplication.
@@ -87,7 +87,7 @@ def near_symmetries(
     Args:
         mesh: surface, m.
         tolerance: largest deviation of 95 % of the moved surface, m.
-        group: the exact symmetries; detected where it is None.
+        group: the exact symmetries; detected if it is None.
 
     Returns:
         X_OS (K, 4, 4), the nearest first; none is in the group, and no two differ by
@@ -162,7 +162,7 @@ def _round_axis(
         deviations = match.deviations(np.stack(motions))
         worst = float(deviations[: len(_ROUND_ANGLES)].max())
         results.append((worst, float(deviations.min()), direction, point))
-    # The given axis is kept where it is as good: it is often one of O exactly.
+    # The given axis is kept if it is as good: it is often one of O exactly.
     best = 0 if results[0][0] < 1.1 * results[1][0] else 1
     worst, least, direction, point = results[best]
     dented = worst <= _DENTED * tolerance and least > worst / 2
@@ -298,7 +298,7 @@ def _close_group(generators: Array) -> Array | None:
     the mean of its representations as g_ij g_j^-1 (Grove, Karcher and Ruh, 1974).
 
     Returns:
-        the group, identity first, or None where it would have more than 60 elements.
+        the group, identity first, or None if it would have more than 60 elements.
     """
     group = generators
     while True:
