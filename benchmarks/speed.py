@@ -85,7 +85,7 @@ def main(
     targets = bop.targets()
     chosen = choose_images(targets, [image] if image else [])[0]
     source = DetectionSource.default(bop)
-    detections = match_detections(targets, chosen, source.look_up(chosen), source.name)
+    detections = match_detections(targets, chosen, source.look_up(chosen), bop)
     folder = models or (APC11 if dataset == EXAMPLE else bop.models)
     library = ObjectLibrary.load(folder, {d.object_id for d in detections})
     observation = bop.observation(*chosen)

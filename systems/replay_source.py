@@ -96,8 +96,9 @@ class ReplaySource(Source):
         """Reads the next image."""
         image = self._images[(number - 1) % len(self._images)]
         observation = self._dataset.observation(*image)
-        seen, name = self._detections.look_up(image), self._detections.name
-        return observation, tuple(match_detections(self._targets, image, seen, name))
+        seen = self._detections.look_up(image)
+        matched = match_detections(self._targets, image, seen, self._dataset)
+        return observation, tuple(matched)
 
 
 def _detection_source(

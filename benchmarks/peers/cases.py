@@ -116,7 +116,7 @@ def image_cases(
 ) -> tuple[RgbdObservation, Sequence[Detection], list[Case]]:
     """One image's detections, and a case for each segment of enough points."""
     observation = dataset.observation(*image)
-    detections = match_detections(dataset.targets(), image, look_up(image), source)
+    detections = match_detections(dataset.targets(), image, look_up(image), dataset)
     surface = find_support_surface(observation, detections, np.random.default_rng(0))
     scene = prepare_scene(observation, surface, detections)
     truths = dataset.ground_truth(*image)

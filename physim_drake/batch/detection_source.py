@@ -13,6 +13,7 @@ from physim_drake.datasets.detections import load_detections, warn_of_left_out
 from physim_drake.errors import InputError
 from physim_drake.extras import need_extra
 from physim_drake.models import APC11, DETECTOR
+from physim_drake.observation.detection_selection import one_for_each_thing
 from physim_drake.observation.observation import Detection
 
 DetectionLookup = Callable[[ImageId], Sequence[Detection]]
@@ -50,7 +51,8 @@ class DetectionSource:
         Raises:
             InputError: if the file cannot be used.
         """
-        detections = load_detections(path, dataset)
+        images = {(t.scene_id, t.im_id) for t in targets or ()} or None
+        detections = load_detections(path, dataset, images)
         warn_of_left_out(detections, targets or (), path)
         return cls(str(path.resolve()), lambda image: detections.get(image, []))
 
@@ -132,21 +134,26 @@ class DetectionSource:
 
 
 def match_detections(
-    targets: Iterable[Target], image: ImageId, found: Sequence[Detection], source: str
+    targets: Iterable[Target],
+    image: ImageId,
+    found: Sequence[Detection],
+    dataset: BopDataset,
 ) -> list[Detection]:
     """The best-scored detections of each of an image's targets.
 
-    Detections of other objects are left out. If a source says that it did not see an
-    object (`Detection.unseen`), the result says so once for each missing instance.
+    Detections of other objects are left out, and so are those of a thing that a surer
+    detection of the same object shows. If an object has no detection, or its source
+    says that it did not see it (`Detection.unseen`), the result says so once for each
+    missing instance.
 
     Args:
         targets: objects to look for, of any images.
         image: scene id and image id.
         found: detections of the image.
-        source: name of their source.
+        dataset: the dataset of the image.
 
     Raises:
-        InputError: if a target has no detection at all.
+        InputError: if the image's size is needed and cannot be read.
     """
     matched: list[Detection] = []
     for target in targets:
@@ -154,13 +161,9 @@ def match_detections(
             continue
         same = [d for d in found if d.object_id == target.object_id]
         if not same:
-            raise InputError(
-                source,
-                f"has no detection of object {target.object_id} in image "
-                f"{image[0]}/{image[1]}, which is a target",
-                "add one, or remove the target",
-            )
-        seen = sorted((d for d in same if d.seen), key=lambda d: -d.score)
+            camera = dataset.intrinsics(*image)
+            same = [Detection.unseen(target.object_id, camera.height, camera.width)]
+        seen = one_for_each_thing(d for d in same if d.seen)
         unseen = [d for d in same if not d.seen]
         missing = target.count - len(seen)
         matched += [*seen, *(unseen + unseen[-1:] * missing)][: target.count]

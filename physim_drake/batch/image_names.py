@@ -34,6 +34,19 @@ def choose_images(
     return list(dict.fromkeys(chosen)) or known
 
 
+def parse_images(names: Iterable[str], source: str = "images") -> list[ImageId]:
+    """Scene and image ids of images that are named SCENE/IMAGE.
+
+    Args:
+        names: the names, as in "1/0".
+        source: what the names come from, as errors call it.
+
+    Raises:
+        InputError: if a name is malformed.
+    """
+    return [_parse(name, source) for name in names]
+
+
 def _parse(name: str, source: str) -> ImageId:
     scene, _, image = name.partition("/")
     if not (_is_id(scene) and _is_id(image)):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from physim_drake.batch.ray import Estimator
+from physim_drake.batch.ray import Estimator, attempt_all
 from physim_drake.datasets.bop import BopDataset, ImageId
 from physim_drake.datasets.results import ResultRow
 from physim_drake.errors import InputError
@@ -71,14 +71,29 @@ class ImageResult:
         return path
 
 
+@dataclass(frozen=True)
+class ImageFailure:
+    """An image that could not be estimated.
+
+    Attributes:
+        image: scene id and image id.
+        error: what is wrong with it.
+    """
+
+    image: ImageId
+    error: InputError
+
+
 def estimate_images(
     dataset: BopDataset,
     images: Iterable[ImageId],
     detections: Callable[[ImageId], Sequence[Detection]],
     estimator: Estimator,
     surface_height: float | None = None,
-) -> Iterator[ImageResult]:
+) -> Iterator[ImageResult | ImageFailure]:
     """Estimates images; the results come in the order of the images.
+
+    An image that cannot be used does not keep the others from their results.
 
     Args:
         dataset: the dataset of the images.
@@ -87,33 +102,32 @@ def estimate_images(
             `match_detections`.
         estimator: the estimator of one image after another.
         surface_height: z of the support surface in the world, m; found if None.
-
-    Raises:
-        InputError: if an image cannot be used; those before it have been given.
     """
-    read: deque[tuple[ImageId, RgbdObservation, float]] = deque()
+    read: deque[tuple[ImageId, RgbdObservation, float] | ImageFailure] = deque()
 
     def requests() -> Iterator[EstimationRequest]:
         """Reads the images, as the estimator asks for them."""
         for image in images:
             start = time.monotonic()
-            observation = dataset.observation(*image)
-            chosen = detections(image)
+            try:
+                observation = dataset.observation(*image)
+                chosen = detections(image)
+            except InputError as error:
+                read.append(ImageFailure(image, error))
+                continue
             read.append((image, observation, time.monotonic() - start))
             yield EstimationRequest(observation, chosen, surface_height)
 
-    estimates = estimator.estimate_all(requests())
-    while True:
-        try:
-            estimate = next(estimates, None)
-        except InputError as error:
-            if not read:
-                raise
-            raise error.about(read[0][1].name) from error
-        if estimate is None:
-            return
-        image, observation, seconds = read.popleft()
-        yield ImageResult(image, observation, estimate, seconds + estimate.seconds)
+    for answer in attempt_all(estimator, requests()):
+        while isinstance(first := read.popleft(), ImageFailure):
+            yield first
+        image, observation, seconds = first
+        if isinstance(answer, InputError):
+            yield ImageFailure(image, answer.about(observation.name))
+        else:
+            yield ImageResult(image, observation, answer, seconds + answer.seconds)
+    # No estimate comes after these, for only images that were read have one.
+    yield from (item for item in read if isinstance(item, ImageFailure))
 
 
 def _object_as_dict(estimate: ObjectEstimate) -> dict[str, Any]:

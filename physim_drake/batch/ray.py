@@ -34,13 +34,19 @@ class RayEstimator(Closing):
         self, requests: Iterable[EstimationRequest]
     ) -> Iterator[SceneEstimate]:
         """Estimates many scenes at once; gives them in the order of the requests."""
-        answers: Iterator[tuple[int, SceneEstimate | InputError]] = self._pool.stream(
-            _RemoteEstimator.estimate.__name__, ((request,) for request in requests)
-        )
-        for answer in in_order(answers):
+        for answer in self.attempt_all(requests):
             if isinstance(answer, InputError):
                 raise answer
             yield answer
+
+    def attempt_all(
+        self, requests: Iterable[EstimationRequest]
+    ) -> Iterator[SceneEstimate | InputError]:
+        """As `estimate_all`, but a request that fails gives its error in its turn."""
+        answers: Iterator[tuple[int, SceneEstimate | InputError]] = self._pool.stream(
+            _RemoteEstimator.estimate.__name__, ((request,) for request in requests)
+        )
+        yield from in_order(answers)
 
     def close(self) -> None:
         """Gives up the processes."""
@@ -63,6 +69,22 @@ class _RemoteEstimator:
 
 
 Estimator = PoseEstimator | RayEstimator
+
+
+def attempt_all(
+    estimator: Estimator, requests: Iterable[EstimationRequest]
+) -> Iterator[SceneEstimate | InputError]:
+    """Estimates many scenes; one that cannot be used gives its error in its turn."""
+    if isinstance(estimator, RayEstimator):
+        yield from estimator.attempt_all(requests)
+        return
+    for request in requests:
+        try:
+            (answer,) = estimator.estimate_all([request])
+        except InputError as error:
+            yield error
+        else:
+            yield answer
 
 
 def make_estimator(

@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from physim_drake.estimation.config import EstimationConfig
 
 
+IMAGES_FAILED = 3
+"""Exit status if images failed and the others are done."""
+
+
 class EstimateCommand(TyperCommand):
     """Lets `--images` take several names, as in ``--images 1/0 1/3``."""
 
@@ -146,7 +150,9 @@ def estimate(
     poses that explain the image about as well.
 
     Results are written image by image. After an error or Ctrl-C the images that are
-    done are kept, and `--resume` goes on from there.
+    done are kept, and `--resume` goes on from there. An image that cannot be used is
+    reported as failed, the others are done, and the exit status is 3; `--resume` tries
+    failed images again.
 
     Try, for example:
 
@@ -156,7 +162,7 @@ def estimate(
 
     `physim-drake evaluate lab.csv datasets/lab` then judges them.
     """
-    from physim_drake.batch.image_names import choose_images
+    from physim_drake.batch.image_names import choose_images, parse_images
     from physim_drake.cli.detections import detection_source_for
     from physim_drake.cli.estimate_run import EstimateJob, run_estimate
     from physim_drake.datasets.bop import BopDataset
@@ -168,7 +174,8 @@ def estimate(
     config = _config(method, plain, expansions, hypotheses, least_confidence)
     config = replace(config, seed=seed, workers=workers or default_workers())
     data = BopDataset(dataset, split, models)
-    wanted = data.targets(targets)
+    named = parse_images(images or (), "--images")
+    wanted = data.targets(targets, named)
     chosen = choose_images(wanted, images or (), "--images")
     of_chosen = [t for t in wanted if (t.scene_id, t.im_id) in set(chosen)]
     library = ObjectLibrary.load(data.models, {t.object_id for t in of_chosen})
@@ -202,7 +209,9 @@ def estimate(
         "least_confidence": f"{config.required_confidence:g}",
     }
     with ResultsWriter(out, resume, settings) as writer:
-        run_estimate(job, writer, messages(quiet))
+        failed = run_estimate(job, writer, messages(quiet))
+    if failed:
+        raise typer.Exit(IMAGES_FAILED)
 
 
 def _config(

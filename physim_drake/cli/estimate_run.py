@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from physim_drake.batch.detection_source import DetectionSource, match_detections
-from physim_drake.batch.images import ImageResult, estimate_images
+from physim_drake.batch.images import ImageFailure, ImageResult, estimate_images
 from physim_drake.batch.ray import make_estimator
 from physim_drake.cli.interrupts import say_interrupted
 from physim_drake.cli.output import counted
@@ -39,6 +39,7 @@ class _Tally:
     """What the images of a run came to, without the images, to save memory."""
 
     images: int = 0
+    failed: int = 0
     objects: int = 0
     found: int = 0
     seconds: float = 0.0
@@ -81,16 +82,21 @@ class EstimateJob:
 
     def matched(self, image: ImageId) -> list[Detection]:
         """The detections of an image's targets."""
-        source = self.detections
-        return match_detections(self.targets, image, source.look_up(image), source.name)
+        found = self.detections.look_up(image)
+        return match_detections(self.targets, image, found, self.dataset)
 
 
-def run_estimate(job: EstimateJob, writer: ResultsWriter, console: Console) -> None:
+def run_estimate(job: EstimateJob, writer: ResultsWriter, console: Console) -> int:
     """Estimates the images that `writer` does not have yet, and tells how it goes.
 
+    An image that fails is told of and left out of the results, so that a resumed run
+    tries it again.
+
+    Returns:
+        the number of images that failed.
+
     Raises:
-        InputError: if an image cannot be used or a file cannot be written; what was
-            done before is kept.
+        InputError: if a file cannot be written; what was done before is kept.
     """
     todo = [image for image in job.images if image not in writer.done]
     tally = _Tally()
@@ -104,6 +110,11 @@ def run_estimate(job: EstimateJob, writer: ResultsWriter, console: Console) -> N
         for result in estimate_images(
             job.dataset, todo, job.matched, estimator, job.surface_height
         ):
+            if isinstance(result, ImageFailure):
+                _tell_failure(console, result)
+                tally.failed += 1
+                steps.advance()
+                continue
             if job.overlays is not None:
                 draw(result, job.overlays)
             if job.trace is not None:
@@ -115,6 +126,13 @@ def run_estimate(job: EstimateJob, writer: ResultsWriter, console: Console) -> N
             _log.info("%s: seconds by stage: %s", *_stages(result))
             steps.advance()
     console.print(_summary(tally, len(job.images), writer.path), **_PLAIN)
+    return tally.failed
+
+
+def _tell_failure(console: Console, failure: ImageFailure) -> None:
+    """An error of one image, which is told even if nothing else is."""
+    shown = Console(stderr=True, highlight=False) if console.quiet else console
+    shown.print(f"{_name(failure.image)}: failed: {failure.error}", **_PLAIN)
 
 
 def _tell(console: Console, result: ImageResult, targets: Sequence[Target]) -> None:
@@ -142,12 +160,13 @@ def _remarks(result: ImageResult, targets: Sequence[Target]) -> Iterator[str]:
 
 
 def _summary(tally: _Tally, total: int, path: Path) -> str:
-    if not tally.images:
+    if not tally.images and not tally.failed:
         return f"all {total} images were done: {path}"
+    failed = f", {counted(tally.failed, 'image')} failed" if tally.failed else ""
+    each = f", {tally.seconds / tally.images:.1f} s an image" if tally.images else ""
     return (
         f"{counted(tally.images, 'image')}, {tally.found} of "
-        f"{counted(tally.objects, 'object')} found, "
-        f"{tally.seconds / tally.images:.1f} s an image: {path}"
+        f"{counted(tally.objects, 'object')} found{each}{failed}: {path}"
     )
 
 

@@ -8,9 +8,10 @@ Pose Estimation", ECCV 2018; bop_toolkit/docs/bop_datasets_format.md). Millimetr
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,12 +27,18 @@ from physim_drake.datasets.scene_files import (
     read_pose,
 )
 from physim_drake.errors import InputError
+from physim_drake.objects.library_files import find_objects
 from physim_drake.observation.observation import Detection, Mask, RgbdObservation
 from physim_drake.poses import Array
 from physim_drake.storage.json_nodes import read_json
 
 ImageId = tuple[int, int]
 """Scene id and image id."""
+
+LEAST_VISIBLE = 0.1
+"""Visible share of an object's silhouette from which it is a target, as in BOP."""
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -158,18 +165,27 @@ class BopDataset:
             self._detections = load_detections(path, self)
         return self._detections.get((scene_id, im_id), [])
 
-    def targets(self, path: str | Path | None = None) -> list[Target]:
+    def targets(
+        self, path: str | Path | None = None, images: Collection[ImageId] = ()
+    ) -> list[Target]:
         """The objects to find: from a file, or else from the ground truth.
+
+        A target in an image that the dataset does not have is left out, with a
+        warning. Targets from the ground truth are the objects that have a model and
+        of which at least a tenth is visible.
 
         Args:
             path: targets file. If it is None, the dataset's test_targets_bop19.json
-                is read; if there is no such file, every object of every scene_gt.json
-                is a target.
+                is read; if there is no such file, the targets are those of every
+                scene_gt.json.
+            images: images to look at; all if empty. Files of other images are not
+                read.
         """
         own = self.root / "test_targets_bop19.json"
         if path is None and not own.exists():
-            return self._targets_from_ground_truth()
+            return self._targets_from_ground_truth(images)
         targets: list[Target] = []
+        left_out: list[InputError] = []
         seen: set[tuple[int, int, int]] = set()
         for node in read_json(Path(path or own)).elements():
             target = Target(
@@ -181,14 +197,23 @@ class BopDataset:
             key = (target.scene_id, target.im_id, target.object_id)
             if key in seen:
                 node.fail(f"lists object {key[2]} of image {key[:2]} again", "merge")
-            if not self.has_image(target.scene_id, target.im_id):
-                node.fail(
-                    f"names image {target.im_id} of scene {target.scene_id}, "
-                    f'which is not in "{self.split}"',
-                    "remove the target, or get the image",
-                )
             seen.add(key)
-            targets.append(target)
+            image = (target.scene_id, target.im_id)
+            try:
+                if not (images and image not in images) and not self.has_image(*image):
+                    node.fail(
+                        f"names image {target.im_id} of scene {target.scene_id}, "
+                        f'which is not in "{self.split}"',
+                        "remove the target, or get the image",
+                    )
+            except InputError as error:
+                left_out.append(error)
+            else:
+                targets.append(target)
+        if left_out and not targets:
+            raise left_out[0]
+        if left_out:
+            _log.warning("targets left out: %d, first: %s", len(left_out), left_out[0])
         return targets
 
     def has_image(self, scene_id: int, im_id: int) -> bool:
@@ -262,19 +287,32 @@ class BopDataset:
             for _ in range(target.count)
         ]
 
-    def _targets_from_ground_truth(self) -> list[Target]:
+    def _targets_from_ground_truth(self, images: Collection[ImageId]) -> list[Target]:
         targets = []
-        for scene_id, im_id in self.images():
+        for scene_id, im_id in images or self.images():
             poses = self.ground_truth(scene_id, im_id)
-            counts = Counter(pose.object_id for pose in poses)
+            counts = Counter(pose.object_id for pose in poses if _is_visible(pose))
             targets += [Target(scene_id, im_id, o, n) for o, n in counts.items()]
+        targets = self._with_models(targets)
         if not targets:
             raise InputError(
                 self.root,
-                "has neither test_targets_bop19.json nor any scene_gt.json",
+                "has no test_targets_bop19.json, and no scene_gt.json with a visible "
+                "object that has a model",
                 "give a targets file",
             )
         return targets
+
+    def _with_models(self, targets: list[Target]) -> list[Target]:
+        """The targets that have models; all of them if there is no models folder."""
+        if not self.models.is_dir():
+            return targets
+        known = {entry.object_id for entry in find_objects(self.models)}
+        unknown = sorted({t.object_id for t in targets} - known)
+        if unknown:
+            ids = ", ".join(map(str, unknown))
+            _log.warning("%s: has no model of obj_id %s, left out", self.models, ids)
+        return [t for t in targets if t.object_id in known]
 
     @cached_property
     def _levels(self) -> dict[ImageId, dict[int, int]]:
@@ -298,6 +336,11 @@ class BopDataset:
         if scene_id not in self._scenes:
             self._scenes[scene_id] = SceneFiles(self._scene_folder(scene_id))
         return self._scenes[scene_id]
+
+
+def _is_visible(pose: GroundTruthPose) -> bool:
+    """Whether enough shows of an object to be a target; it does if it is not said."""
+    return pose.visible_fraction is None or pose.visible_fraction >= LEAST_VISIBLE
 
 
 def mask_bounds(mask: Mask) -> Array:

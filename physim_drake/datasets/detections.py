@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,12 +55,20 @@ class Detections(Mapping[ImageId, list[Detection]]):
         return len(self._entries)
 
 
-def load_detections(path: str | Path, dataset: BopDataset) -> Detections:
+def load_detections(
+    path: str | Path, dataset: BopDataset, images: Collection[ImageId] | None = None
+) -> Detections:
     """Reads the detections of the images that `dataset` has.
 
     The file is a list of ``{"scene_id", "image_id", "category_id", "bbox": [x, y, w,
     h], "score"}``, optionally with a ``segmentation`` in COCO's run-length encoding.
     Entries of other images are skipped: BOP's files often cover more than one split.
+
+    Args:
+        path: the file.
+        dataset: the images.
+        images: images whose entries are kept; those of all images if None. Files of
+            other images are not read.
 
     Raises:
         InputError: if the file or an entry cannot be used, or no entry belongs to
@@ -69,12 +77,16 @@ def load_detections(path: str | Path, dataset: BopDataset) -> Detections:
     path = Path(path)
     entries: dict[ImageId, list[_Entry] | InputError] = {}
     sizes: dict[ImageId, tuple[int, int]] = {}
+    others: set[ImageId] = set()
     for node in read_json(path).elements():
         image = (node["scene_id"].integer(), node["image_id"].integer())
-        if not dataset.has_image(*image):
+        if images is not None and image not in images:
+            others.add(image)
             continue
         if image not in entries:
             try:
+                if not dataset.has_image(*image):
+                    continue
                 camera = dataset.intrinsics(*image)
             except InputError as error:
                 entries[image] = error
@@ -84,7 +96,7 @@ def load_detections(path: str | Path, dataset: BopDataset) -> Detections:
         of_image = entries[image]
         if not isinstance(of_image, InputError):
             of_image.append(_read_entry(node, *sizes[image]))
-    if not entries:
+    if not entries and not any(dataset.has_image(*image) for image in others):
         raise InputError(
             path,
             f"holds no detection of an image in {dataset.root}",

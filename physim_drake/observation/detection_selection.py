@@ -15,9 +15,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physim_drake.observation.observation import Detection, Mask
+from physim_drake.poses import Array
 
 SAME_THING = 0.6
 """Two detections that share more of the smaller one's pixels are of one thing."""
+
+_SAME_BOX = 0.75
+"""Two boxes of one object that share more, of what both cover, are of one thing."""
 
 _MISTAKEN = 0.2
 """How likely a thing is another object than the network is surest of, if it also sees
@@ -73,6 +77,38 @@ def choose_detections(
         chosen.append(detection)
         taken.append(pixels)
     return tuple(chosen)
+
+
+def one_for_each_thing(found: Iterable[Detection]) -> list[Detection]:
+    """Detections of one object, surest first, without a second one of the same thing.
+
+    Args:
+        found: detections of one object in an image.
+    """
+    kept: list[Detection] = []
+    for detection in sorted(found, key=lambda d: -d.score):
+        if not any(_same_thing(detection, other) for other in kept):
+            kept.append(detection)
+    return kept
+
+
+def _same_thing(one: Detection, other: Detection) -> bool:
+    """Whether two detections of an object are of one thing.
+
+    Masks of two things hardly share a pixel, but boxes of two that lean on each other
+    may share much.
+    """
+    if one.mask is not None and other.mask is not None:
+        return are_nested(one.mask, other.mask, SAME_THING)
+    return _shared_box(one.box, other.box) > _SAME_BOX
+
+
+def _shared_box(one: Array, other: Array) -> float:
+    """Intersection over union of two boxes; 0 if both are empty."""
+    sides = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
+    common = float(np.prod(np.maximum(sides, 0.0)))
+    union = float(np.prod(one[2:] - one[:2]) + np.prod(other[2:] - other[:2])) - common
+    return common / union if union > 0 else 0.0
 
 
 def assign_detections(

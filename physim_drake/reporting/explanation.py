@@ -161,7 +161,7 @@ def explain_image(
         raise InputError("method", f"is {config.method}", "explain physim-mcts")
     wanted = dataset.targets() if targets is None else targets
     observation = dataset.observation(*image)
-    detections = match_detections(wanted, image, look_up(image), source)
+    detections = match_detections(wanted, image, look_up(image), dataset)
     attempts: list[_Attempt] = []
 
     def attempt(chosen: Sequence[Detection]) -> SceneEstimate:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from physim_drake.batch.detection_source import DetectionLookup, match_detections
-from physim_drake.batch.images import estimate_images
+from physim_drake.batch.images import ImageFailure, estimate_images
 from physim_drake.batch.ray import make_estimator
 from physim_drake.datasets.bop import BopDataset, GroundTruthPose, ImageId
 from physim_drake.datasets.results import ResultRow
@@ -122,7 +122,7 @@ class Study:
     def detections(self, image: ImageId) -> Sequence[Detection]:
         """The objects to find in an image."""
         targets = self.dataset.targets()
-        return match_detections(targets, image, self.look_up(image), self.source)
+        return match_detections(targets, image, self.look_up(image), self.dataset)
 
     def run(
         self, method: Method, make_renderer: MakeRenderer | None, name: str = ""
@@ -165,6 +165,8 @@ class Study:
                 for result in estimate_images(
                     self.dataset, todo, detections, estimator
                 ):
+                    if isinstance(result, ImageFailure):
+                        raise result.error
                     # Masks are most of an estimate, and are not needed.
                     estimate = replace(result.estimate, detections=())
                     outcome = ImageOutcome(

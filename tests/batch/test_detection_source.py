@@ -32,7 +32,7 @@ def test_targets_get_the_best_detection(
 ):
     sees(monkeypatch, 1, 2)
     source = DetectionSource.network(dataset, weights)
-    found = match_detections(TARGETS, IMAGE, source.look_up(IMAGE), source.name)
+    found = match_detections(TARGETS, IMAGE, source.look_up(IMAGE), dataset)
     assert [(d.object_id, d.score) for d in found] == [(1, 0.9), (2, 0.9)]
     assert source.name == str(weights)
 

@@ -107,12 +107,11 @@ LATE_DEFECTS: dict[str, tuple[Callable[[Path], None], str]] = {
         "scene_camera.json: intrinsics",
     ),
     "rotation": (camera(cam_R_w2c=[1, 0, 0, 0, 1, 0, 0, 0, 2]), "cam_R_w2c"),
-    "no detection": (drop_detection, "has no detection of object 5 in image 1/1"),
 }
 
 
 @pytest.mark.parametrize("name", LATE_DEFECTS)
-def test_a_defect_is_one_line_and_keeps_what_is_done(
+def test_a_defect_of_an_image_is_one_line_and_the_others_are_done(
     run: Run,
     dataset: Path,
     tmp_path: Path,
@@ -123,12 +122,35 @@ def test_a_defect_is_one_line_and_keeps_what_is_done(
     change(dataset)
     out = tmp_path / "r.csv"
     pca = ("--method", "pca-icp")
-    assert run(*quick(dataset, out), *pca) == 2
+    assert run(*quick(dataset, out), *pca) == 3
     captured = capsys.readouterr()
-    assert captured.err.startswith("error: ")
-    assert captured.err.count("\n") == 1
-    assert message in captured.err
+    (line,) = [x for x in captured.err.splitlines() if ": failed: " in x]
+    assert line.startswith("1/1: failed: ")
+    assert message in line
     assert [row.im_id for row in read_results(out)] == [0]
+
+
+def test_an_object_that_was_not_detected_is_not_found(
+    run: Run, dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drop_detection(dataset)
+    out = tmp_path / "r.csv"
+    assert run(*quick(dataset, out), "--method", "pca-icp") == 0
+    assert "not found: the detector did not see it" in capsys.readouterr().err
+    assert [row.im_id for row in read_results(out)] == [0]
+
+
+def test_resume_tries_a_failed_image_again(
+    run: Run, dataset: Path, tmp_path: Path
+) -> None:
+    depth = dataset / "test" / "000001" / DEPTH
+    whole = depth.read_bytes()
+    depth.write_bytes(encoded(np.zeros((480, 640), np.uint16)))
+    arguments = (*quick(dataset, tmp_path / "r.csv"), "--method", "pca-icp")
+    assert run(*arguments) == 3
+    depth.write_bytes(whole)
+    assert run(*arguments, "--resume") == 0
+    assert [row.im_id for row in read_results(tmp_path / "r.csv")] == [0, 1]
 
 
 def other_models(scale: float, keep_faces: int = 12) -> Callable[..., None]:

@@ -180,8 +180,6 @@ def test_mask_of_another_size_is_named(root: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t[0].update(im_id=5), "image 5 of scene 3, which is not in"),
-        (lambda t: t[0].update(scene_id=9), "image 0 of scene 9, which is not in"),
         (lambda t: t[0].update(inst_count=0), "inst_count: is 0"),
         (lambda t: t[0].update(obj_id=True), "obj_id: is True"),
         (lambda t: t.append(t[0]), "again"),
@@ -192,6 +190,52 @@ def test_bad_targets(root: Path, change: Callable[[Any], Any], message: str) -> 
     edit(root / "test_targets_bop19.json", change)
     with pytest.raises(InputError, match=message):
         BopDataset(root).targets()
+
+
+@pytest.mark.parametrize("missing", [{"scene_id": 9}, {"im_id": 5}])
+def test_targets_in_images_that_are_missing_are_left_out_with_a_warning(
+    root: Path, missing: dict[str, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    edit(root / "test_targets_bop19.json", lambda t: t[0].update(missing))
+    targets = BopDataset(root).targets()
+    assert [(t.im_id, t.object_id) for t in targets] == [(0, 2), (7, 1), (7, 2)]
+    assert "which is not in" in caplog.text
+
+
+def test_targets_that_are_all_of_missing_images_are_an_error(root: Path) -> None:
+    path = root / "test_targets_bop19.json"
+    edit(path, lambda t: [x.update(scene_id=9) for x in t])
+    with pytest.raises(InputError, match="image 0 of scene 9, which is not in"):
+        BopDataset(root).targets()
+
+
+def test_hidden_objects_and_those_without_a_model_are_no_targets_by_truth(
+    root: Path,
+) -> None:
+    (root / "test_targets_bop19.json").unlink()
+    info = scene_file(root, "scene_gt_info.json")
+    edit(info, lambda i: i["7"][0].update(visib_fract=0.02))
+    dataset = BopDataset(root)
+    assert [(t.im_id, t.object_id) for t in dataset.targets()] == [
+        (0, 1),
+        (0, 2),
+        (7, 2),
+    ]
+    (root / "models").mkdir()
+    (root / "models" / "library.yaml").write_text(
+        "objects:\n- {id: 1, name: nut, mesh: a.obj}\n"
+    )
+    (root / "models" / "a.obj").write_text("")
+    assert [(t.im_id, t.object_id) for t in dataset.targets()] == [(0, 1)]
+
+
+def test_targets_of_some_images_read_no_other_scene(root: Path) -> None:
+    (root / "test_targets_bop19.json").unlink()
+    broken = root / "test" / "000004" / "scene_camera.json"
+    broken.parent.mkdir()
+    broken.write_text("{")
+    targets = BopDataset(root).targets(images=[(3, 7)])
+    assert [(t.im_id, t.object_id) for t in targets] == [(7, 1), (7, 2)]
 
 
 @pytest.mark.parametrize("split", ["../test", "/etc", "..", "", "a/b"])

@@ -50,8 +50,8 @@ def test_an_object_that_is_not_seen_has_no_pixel(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
     sees(monkeypatch, 2)
-    look_up, source = lookup.network_lookup(dataset, weights)
-    missed, seen = match_detections(TARGETS, IMAGE, look_up(IMAGE), source)
+    look_up, _ = lookup.network_lookup(dataset, weights)
+    missed, seen = match_detections(TARGETS, IMAGE, look_up(IMAGE), dataset)
     assert (seen.score, seen.seen) == (0.9, True)
     assert (missed.object_id, missed.seen) == (1, False)
     assert missed.mask is not None
@@ -63,8 +63,8 @@ def test_instances_that_are_not_seen_are_said_one_by_one(
 ):
     sees(monkeypatch, 1)
     targets = [Target(*IMAGE, 1, 4), Target(*IMAGE, 2, 3)]
-    look_up, source = lookup.network_lookup(dataset, weights, targets)
-    found = match_detections(targets, IMAGE, look_up(IMAGE), source)
+    look_up, _ = lookup.network_lookup(dataset, weights, targets)
+    found = match_detections(targets, IMAGE, look_up(IMAGE), dataset)
     assert [d.object_id for d in found] == [1] * 4 + [2] * 3
     assert [d.score for d in found] == [0.9, 0.4, 0, 0, 0, 0, 0]
 
@@ -73,7 +73,7 @@ def test_what_is_no_target_is_not_looked_for(
     dataset: BopDataset, weights: Path, monkeypatch: pytest.MonkeyPatch
 ):
     sees(monkeypatch, 1, 2)
-    look_up, source = lookup.network_lookup(dataset, weights, TARGETS[1:])
+    look_up, _ = lookup.network_lookup(dataset, weights, TARGETS[1:])
     assert {d.object_id for d in look_up(IMAGE)} == {2}
-    found = match_detections(TARGETS[1:], IMAGE, look_up(IMAGE), source)
+    found = match_detections(TARGETS[1:], IMAGE, look_up(IMAGE), dataset)
     assert [d.object_id for d in found] == [2]

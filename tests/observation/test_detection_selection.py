@@ -7,6 +7,7 @@ from physim_drake.observation.detection_selection import (
     ChoiceConfig,
     assign_detections,
     choose_detections,
+    one_for_each_thing,
 )
 from physim_drake.observation.observation import Detection
 
@@ -95,3 +96,27 @@ def test_nothing_is_assigned_where_nothing_is_seen() -> None:
     assert assigned({1: 2, 2: 1}) == []
     assert assigned({}, seen(1, 0.9, 0)) == []
     assert assigned({1: 1}, seen(1, 0.9, 0, side=0)) == []
+
+
+def test_overlapping_masks_of_an_object_are_one_thing_and_the_surest_is_kept() -> None:
+    left = np.zeros((20, 40), bool)
+    left[5:15, 5:15] = True
+    part = left.copy()
+    part[:, :6] = False
+    right = np.roll(left, 15, axis=1)
+    box = np.array([5.0, 5.0, 15.0, 15.0])
+    found = [
+        Detection(1, box, 0.7, right),
+        Detection(1, box, 0.8, part),
+        Detection(1, box, 0.9, left),
+    ]
+    assert [d.score for d in one_for_each_thing(found)] == [0.9, 0.7]
+
+
+def test_boxes_that_mostly_coincide_are_one_thing() -> None:
+    found = [
+        Detection(1, [0, 0, 10, 10], 0.9),
+        Detection(1, [0, 0, 10, 9], 0.8),
+        Detection(1, [0, 5, 10, 15], 0.7),
+    ]
+    assert [d.score for d in one_for_each_thing(found)] == [0.9, 0.7]

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,13 +52,22 @@ def test_masks_may_stand_for_detections() -> None:
     assert all(d.mask is not None for d in detections.value)
 
 
-def test_an_image_that_cannot_be_used_is_a_look_with_an_error(tmp_path: Path) -> None:
+def test_targets_without_a_detection_are_not_seen(tmp_path: Path) -> None:
     one = json.loads((TABLETOP / "detections.json").read_text())[:1]
     path = tmp_path / "one.json"
     path.write_text(json.dumps(one))
-    observation, detections = replay(replace(CONFIG, detections=path), 0.5)
+    _, detections = replay(replace(CONFIG, detections=path), 0.5)
+    assert sorted(d.seen for d in detections.value) == [False, False, True]
+
+
+def test_an_image_that_cannot_be_used_is_a_look_with_an_error(tmp_path: Path) -> None:
+    root = tmp_path / "tabletop"
+    shutil.copytree(TABLETOP, root)
+    depth = root / "test" / "000001" / "depth" / "000000.png"
+    depth.write_bytes(depth.read_bytes()[:-400])
+    observation, detections = replay(replace(CONFIG, dataset=root, masks=True), 0.5)
     assert observation.value is None
-    assert "has no detection of object" in detections.error
+    assert "is a PNG cut short" in detections.error
 
 
 def test_a_dataset_or_image_that_is_not_there_is_named(tmp_path: Path) -> None:
