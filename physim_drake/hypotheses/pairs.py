@@ -8,6 +8,7 @@ costs what lies within the tolerance.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,16 @@ from physim_drake.registration.registration_model import registration_model
 
 Indices = NDArray[np.int64]
 Points = NDArray[np.int32]
+
+
+class PairArrays(NamedTuple):
+    """A `PairIndex` as kernels take it; the attributes are those of the index."""
+
+    points: Array
+    lengths: Array
+    angles: Array
+    first: Points
+    second: Points
 
 
 class PairIndex:
@@ -54,6 +65,13 @@ class PairIndex:
             normals[self.second],
         )
         self.angles = np.ascontiguousarray(angles.T)
+
+    @property
+    def arrays(self) -> PairArrays:
+        """What finding pairs takes, for kernels."""
+        return PairArrays(
+            self.points, self.lengths, self.angles, self.first, self.second
+        )
 
     def find(
         self, length: float, angles: Array, delta: float, tolerance: float

@@ -10,12 +10,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from physim_drake.compiled import compiled
 from physim_drake.hypotheses.bases import draw_bases
-from physim_drake.hypotheses.pairs import Indices, PairIndex, Points, find_pairs
+from physim_drake.hypotheses.pairs import (
+    Indices,
+    PairArrays,
+    PairIndex,
+    Points,
+    find_pairs,
+)
 from physim_drake.hypotheses.rigid_fit import fit_sets
 from physim_drake.poses import Array
 
@@ -106,15 +113,7 @@ def congruent_sets(
     Returns:
         indices of model points, (M, 4).
     """
-    sets: Points = _congruent_sets(
-        index.points,
-        index.lengths,
-        index.angles,
-        index.first,
-        index.second,
-        points,
-        normals,
-        ratios,
+    limits = _Limits(
         config.delta,
         config.max_normal_angle,
         np.cos(min(angle + config.max_set_angle, np.pi)),
@@ -122,26 +121,26 @@ def congruent_sets(
         config.max_pairs,
         config.sets_per_base,
     )
+    sets: Points = _congruent_sets(index.arrays, points, normals, ratios, limits)
     return sets
+
+
+class _Limits(NamedTuple):
+    """What `Super4PcsConfig` means for one base, as kernels take it."""
+
+    delta: float
+    max_normal_angle: float
+    cos_low: float
+    cos_high: float
+    max_pairs: int
+    max_sets: int
 
 
 @compiled(error_model="numpy")
 def _congruent_sets(
-    model: Array,
-    lengths: Array,
-    pair_angles: Array,
-    first: Points,
-    second: Points,
-    points: Array,
-    normals: Array,
-    ratios: Array,
-    delta: float,
-    max_normal_angle: float,
-    cos_low: float,
-    cos_high: float,
-    max_pairs: int,
-    max_sets: int,
+    model: PairArrays, points: Array, normals: Array, ratios: Array, limits: _Limits
 ) -> Points:
+    first, second, delta = model.first, model.second, limits.delta
     pairs = []
     for k in (0, 2):
         line = points[k + 1] - points[k]
@@ -152,17 +151,22 @@ def _congruent_sets(
         wanted[1] = np.arccos(min(max((normals[k + 1] * line).sum(), -1.0), 1.0))
         wanted[2] = np.arccos(min(max((normals[k] * normals[k + 1]).sum(), -1.0), 1.0))
         found = find_pairs(
-            lengths, pair_angles, length, wanted, delta, max_normal_angle
+            model.lengths,
+            model.angles,
+            length,
+            wanted,
+            delta,
+            limits.max_normal_angle,
         )
-        pairs.append(_thinned(found, max_pairs))
+        pairs.append(_thinned(found, limits.max_pairs))
     rows, columns = _meeting(
-        _crossings(model, first[pairs[0]], second[pairs[0]], ratios[0]),
-        _crossings(model, first[pairs[1]], second[pairs[1]], ratios[1]),
+        _crossings(model.points, first[pairs[0]], second[pairs[0]], ratios[0]),
+        _crossings(model.points, first[pairs[1]], second[pairs[1]], ratios[1]),
         delta,
-        cos_low,
-        cos_high,
+        limits.cos_low,
+        limits.cos_high,
     )
-    kept = _thinned(np.arange(len(rows)), max_sets)
+    kept = _thinned(np.arange(len(rows)), limits.max_sets)
     sets = np.empty((len(kept), 4), dtype=np.int32)
     for n in range(len(kept)):
         a, b = pairs[0][rows[kept[n]]], pairs[1][columns[kept[n]]]
