@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
+from physim_drake.storage.type_hints import without_alias
+
 T = TypeVar("T")
 _EARLY = 1e-9  # s; event times are sums of steps
 
@@ -86,6 +88,7 @@ class LookState(Immutable):
 
 def fits(value: object, kind: Any) -> bool:
     """Whether a value is of a type such as ``ndarray`` or ``tuple[Detection, ...]``."""
+    kind = without_alias(kind)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         return isinstance(value, tuple) and all(fits(v, arguments[0]) for v in value)
@@ -98,6 +101,7 @@ def fits(value: object, kind: Any) -> bool:
 
 def type_name(kind: Any) -> str:
     """What messages call a type."""
+    kind = without_alias(kind)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is None:
         return str(getattr(kind, "__name__", kind))

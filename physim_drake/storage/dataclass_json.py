@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from physim_drake.storage.json_nodes import JsonNode
+from physim_drake.storage.type_hints import without_alias
 
 T = TypeVar("T")
 
@@ -69,6 +70,7 @@ def _members(node: JsonNode) -> dict[str, JsonNode]:
 
 def _read(node: JsonNode, hint: Any) -> Any:
     """A value of type `hint`."""
+    hint = without_alias(hint)
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         if node.value is None and type(None) in arguments:

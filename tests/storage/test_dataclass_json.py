@@ -20,6 +20,7 @@ from physim_drake.poses import Array
 from physim_drake.scene_estimate import ObjectEstimate, SceneEstimate, SearchTrace
 from physim_drake.storage.dataclass_json import from_plain, to_plain
 from physim_drake.storage.json_nodes import JsonNode
+from tests.storage.test_type_hints import Alias
 
 FILE = Path("notes")
 
@@ -44,6 +45,11 @@ class Outer:
     maybe: float | None
     items: tuple[Inner, ...]
     times: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Aliased:
+    points: Alias(Array)  # type: ignore[valid-type]
 
 
 VALUE = Outer(
@@ -139,3 +145,8 @@ values = st.recursive(
 def test_whatever_a_file_holds_nothing_but_input_errors_come(plain: Any) -> None:
     with suppress(InputError):
         from_plain(JsonNode(plain, FILE), Outer)
+
+
+def test_a_field_may_have_the_type_of_an_alias() -> None:
+    node = JsonNode({"points": [[0.5, 1.0]]}, FILE)
+    assert np.array_equal(from_plain(node, Aliased).points, [[0.5, 1.0]])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value
 
 from physim_drake.systems.stamped import LookState, Stamped, fits, type_name
+from tests.storage.test_type_hints import Alias
 
 
 def test_copies_share_what_is_in_them() -> None:
@@ -31,6 +32,9 @@ def test_copies_share_what_is_in_them() -> None:
         ([1], tuple[int, ...], "tuple[int, ...]", False),
         (np.zeros(3), NDArray[np.int16], "ndarray", True),
         ([0.0], NDArray[np.int16], "ndarray", False),
+        (np.zeros(3), Alias(NDArray[np.int16]), "ndarray", True),
+        ([0.0], Alias(NDArray[np.int16]), "ndarray", False),
+        ((np.zeros(3),), tuple[Alias(NDArray), ...], "tuple[ndarray, ...]", True),
         ({"a": 1}, Mapping[str, int], "Mapping[str, int]", True),
         ({"a": ""}, Mapping[str, int], "Mapping[str, int]", False),
         (3, Mapping[str, int], "Mapping[str, int]", False),
