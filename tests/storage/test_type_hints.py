@@ -35,8 +35,8 @@ class Alias:
         (NDArray, np.ndarray),
         (Alias(int), int),
         (Alias(Alias(tuple[int, str])), tuple[int, str]),
-        (Alias(tuple[T, ...])[int], tuple[int, ...]),
-        (Alias(dict[str, T])[Alias(int)], dict),
+        (Alias(tuple[T, ...])[int], tuple[int, ...]),  # type: ignore[valid-type]
+        (Alias(dict[str, T])[Alias(int)], dict),  # type: ignore[valid-type]
     ],
 )
 def test_an_alias_is_the_type_that_it_stands_for(hint: Any, resolved: Any) -> None:

@@ -34,7 +34,7 @@ def test_copies_share_what_is_in_them() -> None:
         ([0.0], NDArray[np.int16], "ndarray", False),
         (np.zeros(3), Alias(NDArray[np.int16]), "ndarray", True),
         ([0.0], Alias(NDArray[np.int16]), "ndarray", False),
-        ((np.zeros(3),), tuple[Alias(NDArray), ...], "tuple[ndarray, ...]", True),
+        ((np.zeros(3),), tuple[Alias(NDArray), ...], "tuple[ndarray, ...]", True),  # type: ignore[misc]
         ({"a": 1}, Mapping[str, int], "Mapping[str, int]", True),
         ({"a": ""}, Mapping[str, int], "Mapping[str, int]", False),
         (3, Mapping[str, int], "Mapping[str, int]", False),
