@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I, ImageRgba8U
+from pydrake.systems.sensors import (
+    CameraConfig,
+    ImageDepth32F,
+    ImageLabel16I,
+    ImageRgba8U,
+    RgbdSensor,
+)
 
 from physim_drake.camera import CameraIntrinsics
 from physim_drake.errors import InputError
 from physim_drake.observation.detector import LabelImage
 from physim_drake.observation.observation import RgbdObservation
+from physim_drake.rendering.camera_core import core_intrinsics
 from physim_drake.sensors.color_noise import ColorNoise, expose
 from physim_drake.sensors.depth_noise import DepthNoise, measure_depth
 from physim_drake.sensors.presets import PRESETS, CameraName
@@ -29,7 +36,8 @@ class CameraSourceConfig:
     """A camera and its errors.
 
     Attributes:
-        preset: name of the camera.
+        preset: name of the camera whose errors are imitated, and whose field of view a
+            camera has that is made from this configuration.
         width: width of the image, px; the preset's if it is None.
         height: height of the image, px; the preset's if it is None.
         depth_noise: whether depth has errors.
@@ -109,20 +117,28 @@ class CameraSource(Source):
     is not connected.
 
     Args:
-        config: the camera and its errors.
+        camera: what makes the images: the sensor, its configuration or its intrinsics.
+            Intrinsics of observations are those of this camera, never the preset's.
+        config: errors of the camera.
         period: see `Source`.
         timing: see `Source`.
+
+    Raises:
+        InputError: if colour and depth have other intrinsics than each other, or the
+            image has another size than ``config`` asks for.
     """
 
     def __init__(
         self,
+        camera: RgbdSensor | CameraConfig | CameraIntrinsics,
         config: CameraSourceConfig = CameraSourceConfig(),
         period: float | None = None,
         timing: TimingConfig = EACH_STEP,
     ) -> None:
         outputs = {"observation": RgbdObservation, "labels": LabelImage}
         super().__init__(outputs, period, timing)
-        self._config, self._intrinsics = config, config.intrinsics
+        self._config, self._intrinsics = config, _intrinsics(camera)
+        _check_size(config, self._intrinsics)
         self._color = self._declare_input("color_image", ImageRgba8U(1, 1))
         self._depth = self._declare_input("depth_image_32f", ImageDepth32F(1, 1))
         self._label = self._declare_input("label_image", ImageLabel16I(1, 1))
@@ -162,6 +178,44 @@ class CameraSource(Source):
             return None
         pixels = _pixels(port, context)
         return pixels[..., :3] if pixels.shape[2] == 4 else pixels
+
+
+def _intrinsics(
+    camera: RgbdSensor | CameraConfig | CameraIntrinsics,
+) -> CameraIntrinsics:
+    """The intrinsics that the camera's colour and depth share."""
+    if isinstance(camera, CameraIntrinsics):
+        return camera
+    if isinstance(camera, CameraConfig):
+        color, depth = camera.MakeCameras()
+    elif isinstance(camera, RgbdSensor):
+        color = camera.default_color_render_camera()
+        depth = camera.default_depth_render_camera()
+    else:
+        raise TypeError(
+            "CameraSource: the camera must be an RgbdSensor, a CameraConfig or "
+            f"CameraIntrinsics, not {type(camera).__name__}"
+        )
+    of_color, of_depth = core_intrinsics(color.core()), core_intrinsics(depth.core())
+    if of_color != of_depth:
+        raise InputError(
+            "camera",
+            f"colour and depth differ in their intrinsics: {of_color}, {of_depth}",
+            "give both the same, so that pixels show the same",
+        )
+    return of_color
+
+
+def _check_size(config: CameraSourceConfig, K: CameraIntrinsics) -> None:
+    for name, size in (("width", K.width), ("height", K.height)):
+        wanted = getattr(config, name)
+        if wanted not in (None, size):
+            raise InputError(
+                "camera",
+                f"is {wanted}, and the camera's is {size}",
+                "leave it out: the size of the image is the camera's",
+                name,
+            )
 
 
 def _pixels(port: Any, context: Context) -> Any:

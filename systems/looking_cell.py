@@ -145,7 +145,7 @@ class LookingCell:
             _RENDERER,
         )
         sensor, echo = add_rgbd_sensors(builder, self._plant, graph, config)
-        camera = CameraSource(config)
+        camera = CameraSource(config.intrinsics, config)
         builder.AddNamedSystem("camera", camera)
         query = graph.get_query_output_port()
         builder.Connect(query, sensor.query_object_input_port())

@@ -125,7 +125,10 @@ class PerceptionDiagram(Diagram, Closing):
         config = self._config
         sensor, echo = add_rgbd_sensors(builder, plant, scene_graph, config.camera)
         camera = CameraSource(
-            config.camera, config.period, self._timing(config.latency.camera)
+            config.camera.intrinsics,
+            config.camera,
+            config.period,
+            self._timing(config.latency.camera),
         )
         builder.AddNamedSystem("camera", camera)
         for name in ("color_image", "depth_image_32f", "label_image"):

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydrake.geometry import ClippingRange, RenderCameraCore
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
@@ -11,6 +13,20 @@ from physim_drake.camera import CameraIntrinsics
 
 NEAR, FAR = 0.05, 8.0
 """Nothing that is nearer or farther is rendered, m."""
+
+
+def core_intrinsics(core: RenderCameraCore) -> CameraIntrinsics:
+    """The intrinsics of a camera of Drake's; the inverse of `camera_core`."""
+    camera: Any = core  # whose type Drake's stubs do not have
+    info = camera.intrinsics()
+    return CameraIntrinsics(
+        info.width(),
+        info.height(),
+        info.focal_x(),
+        info.focal_y(),
+        info.center_x() - 0.5,
+        info.center_y() - 0.5,
+    )
 
 
 def camera_core(

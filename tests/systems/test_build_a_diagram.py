@@ -102,7 +102,7 @@ def test_the_drawing_shows_every_system_and_port() -> None:
 
 def test_the_stage_shown_counts() -> None:
     namespace: dict[str, Any] = {"__name__": "page"}
-    exec(compile(blocks(PAGE, "python")[1], PAGE.name, "exec"), namespace)
+    exec(compile(blocks(PAGE, "python")[3], PAGE.name, "exec"), namespace)
     counter = namespace["FoundCounter"]()
     found = ObjectEstimate(1, "a", np.eye(4), np.eye(4), 1.0, "")
     missing = ObjectEstimate(2, "b", None, None, 0.0, "hidden")

@@ -6,11 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.geometry import FrameId
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I, ImageRgba8U
+from pydrake.systems.sensors import (
+    CameraConfig,
+    ImageDepth32F,
+    ImageLabel16I,
+    ImageRgba8U,
+    RgbdSensor,
+)
 
+from physim_drake.camera import CameraIntrinsics
 from physim_drake.errors import InputError
 from physim_drake.observation.observation import RgbdObservation
 from physim_drake.sensors.presets import PRESETS, CameraName
@@ -48,21 +56,23 @@ def looks(
     inputs: dict[str, Any],
     count: int = 1,
     port: str = "observation",
+    camera: CameraIntrinsics | None = None,
 ) -> list[Any]:
     """What a port shows after each of several looks."""
     builder = DiagramBuilder()
-    camera = builder.AddNamedSystem("camera", CameraSource(config, period=1.0))
+    source = CameraSource(camera or config.intrinsics, config, period=1.0)
+    system = builder.AddNamedSystem("camera", source)
     builder.AddNamedSystem("clock", Clock())
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
-    inner = camera.GetMyMutableContextFromRoot(context)
+    inner = system.GetMyMutableContextFromRoot(context)
     for name, value in inputs.items():
-        camera.GetInputPort(name).FixValue(inner, value)
+        system.GetInputPort(name).FixValue(inner, value)
     simulator = Simulator(diagram, context)
     seen = []
     for n in range(count):
         simulator.AdvanceTo(n + 0.5)
-        seen.append(shown(camera, context, port))
+        seen.append(shown(system, context, port))
     return seen
 
 
@@ -131,8 +141,56 @@ def test_an_image_without_depth_is_a_look_with_an_error() -> None:
 
 
 def test_an_image_of_another_size_is_a_look_with_an_error() -> None:
-    (stamped,) = looks(replace(PERFECT, width=80, height=60), scene())
+    config = replace(PERFECT, width=80, height=60)
+    (stamped,) = looks(config, scene())
     assert "look 1: depth: has (120, 160) pixels" in stamped.error
+
+
+def drake_camera() -> Any:
+    """Drake's default field of view, which is none of the presets'."""
+    camera: Any = CameraConfig()
+    camera.width, camera.height, camera.center_x = WIDTH, HEIGHT, 70.0
+    return camera
+
+
+def rgbd_sensor(camera: CameraConfig) -> RgbdSensor:
+    return RgbdSensor(FrameId.get_new_id(), RigidTransform(), *camera.MakeCameras())
+
+
+@pytest.mark.parametrize("make", [drake_camera, lambda: rgbd_sensor(drake_camera())])
+def test_intrinsics_are_those_of_the_camera(make: Any) -> None:
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem(
+        "source", CameraSource(make(), CameraSourceConfig(), period=1.0)
+    )
+    builder.AddNamedSystem("clock", Clock())
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    inner = source.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for name, value in scene().items():
+        source.GetInputPort(name).FixValue(inner, value)
+    simulator.AdvanceTo(0.5)
+    seen = shown(source, simulator.get_context(), "observation").value.intrinsics
+    focal = drake_camera().focal_y()
+    assert seen == CameraIntrinsics(WIDTH, HEIGHT, focal, focal, 69.5, 59.0)
+
+
+def test_the_size_of_the_image_is_the_cameras() -> None:
+    with pytest.raises(InputError, match="width"):
+        CameraSource(drake_camera(), CameraSourceConfig(width=320))
+
+
+def test_colour_and_depth_of_other_intrinsics_are_refused() -> None:
+    color, _ = drake_camera().MakeCameras()
+    _, wide = CameraConfig().MakeCameras()
+    sensor = RgbdSensor(FrameId.get_new_id(), RigidTransform(), color, wide)
+    with pytest.raises(InputError, match="colour and depth differ"):
+        CameraSource(sensor)
+
+
+def test_what_makes_the_images_must_be_given() -> None:
+    with pytest.raises(TypeError, match="RgbdSensor"):
+        CameraSource(SMALL)  # type: ignore[arg-type]
 
 
 def test_a_smaller_image_shows_the_same_field() -> None:

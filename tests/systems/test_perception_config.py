@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.multibody.parsing import ModelDirective
+from pydrake.systems.sensors import CameraConfig
 
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, Method
 from physim_drake.sensors.presets import CameraName
+from physim_drake.storage.typed_yaml import load_typed_yaml
 from physim_drake.systems.perception_config import (
     EstimatorConfig,
     NetworkDetectorConfig,
@@ -126,3 +130,28 @@ def test_a_library_that_is_not_there_is_named(tmp_path: Path) -> None:
     config = PerceptionConfig.load(written(tmp_path, "library: none"))
     with pytest.raises(InputError, match=str(tmp_path / "none")):
         config.load_library()
+
+
+@dataclass
+class Station:
+    """A user's own configuration."""
+
+    cameras: dict[str, CameraConfig] = field(default_factory=dict)
+    directives: list[ModelDirective] = field(default_factory=list)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+
+
+def test_a_perception_config_stands_beside_drakes_schemas(tmp_path: Path) -> None:
+    path = tmp_path / "station.yaml"
+    path.write_text("""
+cameras: {wrist: {width: 320}}
+directives: [{add_model: {name: table, file: package://cell/table.sdf}}]
+perception: {camera: {preset: d435}, detector: !OracleDetectorConfig {jitter: 0.1}}
+""")
+    station = load_typed_yaml(path, Station)
+    assert station.cameras["wrist"].width == 320
+    added = station.directives[0].add_model
+    assert added is not None
+    assert added.name == "table"
+    assert station.perception.camera.preset is CameraName.D435
+    assert station.perception.detector == OracleDetectorConfig(jitter=0.1)
