@@ -18,6 +18,7 @@ from physim_drake.datasets.results import ResultRow, read_results
 from physim_drake.datasets.results_writer import ResultsWriter
 from physim_drake.errors import InputError
 from physim_drake.evaluation.evaluate import evaluate_results
+from physim_drake.models import APC11
 from physim_drake.objects.model import ObjectLibrary, ObjectModel
 from physim_drake.poses import Array, SymmetryGroup, exp_pose, make_pose
 from tests.datasets.tiny import write_json, write_tiny
@@ -198,6 +199,23 @@ def test_any_visible_instance_will_do_if_the_target_asks_for_fewer(
     assert error.translation_cm == pytest.approx(1.0)
     (missed,) = evaluate_results(dataset, [], library).errors
     assert (missed.gt_index, missed.found) == (0, False)
+
+
+@pytest.mark.parametrize(
+    ("case", "results", "recall"),
+    [
+        ("two-instances", "first.csv", 0.5),
+        ("two-instances", "second.csv", 0.5),
+        ("hidden-instance", "visible.csv", 1.0),
+    ],
+)
+def test_field_cases_of_several_instances(
+    shared: Path, case: str, results: str, recall: float
+) -> None:
+    folder = shared / "data" / "field-cases" / case
+    rows = read_results(folder / results)
+    report = evaluate_results(BopDataset(folder), rows, ObjectLibrary.load(APC11))
+    assert report.overall.recall_5deg_1cm == recall
 
 
 class FlatRenderer:
