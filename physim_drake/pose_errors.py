@@ -53,6 +53,16 @@ class PoseError:
     translation: float
     candidates: Array
 
+    @property
+    def geodesic_deg(self) -> float:
+        """`geodesic` in degrees."""
+        return float(np.degrees(self.geodesic))
+
+    @property
+    def translation_mm(self) -> float:
+        """`translation` in mm."""
+        return 1000 * self.translation
+
     def within(self, angle: float, distance: float) -> bool:
         """Whether any symmetry is within both limits (rad, m)."""
         return bool((self.candidates <= [angle, distance]).all(1).any())

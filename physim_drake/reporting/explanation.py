@@ -18,10 +18,10 @@ from physim_drake.estimation.estimator import PoseEstimator
 from physim_drake.estimation.preparation import EstimationRequest, PreparedScene
 from physim_drake.evaluation.matching import match_detections_with_truth
 from physim_drake.hypotheses.generation import PoseHypotheses
-from physim_drake.objects.model import ObjectLibrary, ObjectModel
+from physim_drake.objects.model import ObjectLibrary
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.observation.segmented_scene import SegmentedScene
-from physim_drake.pose_errors import pose_error
+from physim_drake.pose_errors import PoseError, pose_error
 from physim_drake.poses import Array
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.rendering.overlay import render_labels
@@ -29,30 +29,6 @@ from physim_drake.scene_estimate import SceneEstimate
 from physim_drake.search.dependency import DependencyGraph, dependency_graph
 from physim_drake.search.record import SearchRecord
 from physim_drake.search.states import Confirmation, confirmations
-
-
-@dataclass(frozen=True)
-class StageError:
-    """How far a pose is from the true one.
-
-    Attributes:
-        angle_deg: least over the symmetries, degrees.
-        distance_mm: distance of the origins, mm.
-    """
-
-    angle_deg: float
-    distance_mm: float
-
-    @property
-    def size(self) -> float:
-        """Both together, in units of 5 degrees and 1 cm."""
-        return self.angle_deg / 5 + self.distance_mm / 10
-
-    @classmethod
-    def of(cls, model: ObjectModel, X_CO_true: Array, X_CO: Array) -> StageError:
-        """Compares two poses in the camera, (4, 4)."""
-        error = pose_error(X_CO_true, X_CO, model.symmetry)
-        return cls(float(np.degrees(error.geodesic)), 1000 * error.translation)
 
 
 @dataclass(frozen=True)
@@ -98,17 +74,18 @@ class Explanation:
             for k, kind in enumerate(kinds)
         )
 
-    def error(self, k: int, X_CO: Array | None) -> StageError | None:
+    def error(self, k: int, X_CO: Array | None) -> PoseError | None:
         """Of a pose of object `k`; None if that or the truth is not known."""
         truth = self.truth[k]
         if truth is None or X_CO is None:
             return None
-        return StageError.of(self.library[self.detections[k].object_id], truth, X_CO)
+        model = self.library[self.detections[k].object_id]
+        return pose_error(truth, X_CO, model.symmetry)
 
     def nearest_representative(self, k: int) -> int | None:
         """Which of object `k`'s representatives is nearest to the truth."""
         errors = [self.error(k, X) for X in self.scene.X_CS @ self.hypotheses[k].poses]
-        sizes = [error.size for error in errors if error is not None]
+        sizes = [error_size(error) for error in errors if error is not None]
         return int(np.argmin(sizes)) if sizes else None
 
     def searched_pose(self, k: int) -> Array | None:
@@ -128,6 +105,11 @@ class Explanation:
             self.scene, drawn.depth, drawn.labels, indices, tolerance
         )
         return [confirmed[k] for k in indices]
+
+
+def error_size(error: PoseError) -> float:
+    """Rotation and translation together, in units of 5 degrees and 1 cm."""
+    return error.geodesic_deg / 5 + error.translation_mm / 10
 
 
 def explain_image(

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from physim_drake.pose_errors import PoseError
 from physim_drake.poses import Array
 from physim_drake.registration.registration_model import lookalike_turns
-from physim_drake.reporting.explanation import Explanation, StageError
+from physim_drake.reporting.explanation import Explanation
 from physim_drake.search.states import Confirmation
 
 RIGHT_DEG, RIGHT_MM = 5.0, 10.0
@@ -103,16 +104,16 @@ def _looks_alike(explanation: Explanation, k: int) -> bool:
     )
 
 
-def is_within(error: StageError | None, angle_deg: float, distance_mm: float) -> bool:
+def is_within(error: PoseError | None, angle_deg: float, distance_mm: float) -> bool:
     """Whether an error is known and below both limits."""
     return (
         error is not None
-        and error.angle_deg <= angle_deg
-        and error.distance_mm <= distance_mm
+        and error.geodesic_deg <= angle_deg
+        and error.translation_mm <= distance_mm
     )
 
 
-def stage_errors(explanation: Explanation, k: int) -> list[StageError | None]:
+def stage_errors(explanation: Explanation, k: int) -> list[PoseError | None]:
     """How far object `k` was from the truth at each stage.
 
     Returns:

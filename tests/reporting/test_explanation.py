@@ -10,10 +10,11 @@ from physim_drake.batch.detection_source import DetectionSource
 from physim_drake.datasets.bop import BopDataset
 from physim_drake.errors import InputError
 from physim_drake.estimation.estimator import EstimationConfig, Method, PoseEstimator
+from physim_drake.pose_errors import PoseError
 from physim_drake.rendering.depth import DepthRenderer
 from physim_drake.reporting.explanation import (
     Explanation,
-    StageError,
+    error_size,
     explain_image,
 )
 from tests.reporting.explained import BOTTLE, BOX, CRAYONS, EXAMPLE, bare, example
@@ -65,7 +66,7 @@ def test_what_a_detector_takes_for_each_other_is_explained_as_exchanged() -> Non
     for k, item in enumerate(mended.estimate.objects):
         error = mended.error(k, item.X_CO)
         assert error is not None
-        assert error.size < 1
+        assert error_size(error) < 1
 
 
 def test_confidence_is_the_product_of_the_shares() -> None:
@@ -83,13 +84,13 @@ def test_errors_shrink_from_hypothesis_to_estimate() -> None:
         nearest = e.nearest_representative(k)
         assert nearest is not None
         poses = e.scene.X_CS @ e.hypotheses[k].poses
-        sizes = [error.size for X in poses if (error := e.error(k, X))]
+        sizes = [error_size(error) for X in poses if (error := e.error(k, X))]
         assert sizes[nearest] == min(sizes)
         final = e.error(k, item.X_CO)
         assert final is not None
-        assert final.size < max(sizes)
-        assert final.angle_deg < 3.0
-        assert final.distance_mm < 5.0
+        assert error_size(final) < max(sizes)
+        assert final.geodesic_deg < 3.0
+        assert final.translation_mm < 5.0
 
 
 def test_searched_pose_is_that_of_the_best_state() -> None:
@@ -126,7 +127,8 @@ def test_objects_of_a_kind_are_numbered() -> None:
 
 
 def test_both_parts_of_an_error_add_up() -> None:
-    assert StageError(5.0, 10.0).size == pytest.approx(2.0)
+    error = PoseError(0.0, np.radians(5.0), 0.01, np.zeros((1, 2)))
+    assert error_size(error) == pytest.approx(2.0)
 
 
 def test_only_the_tree_search_is_explained() -> None:
