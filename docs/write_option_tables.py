@@ -23,7 +23,7 @@ SHARED = {"quiet", "log_level"}
 """Options that the page describes once for all commands."""
 
 _BLOCK = re.compile(
-    r"(<!-- options of (?P<command>[a-z ]+) -->\n).*?(<!-- end of options -->\n)",
+    r"(<!-- options of (?P<command>[a-z -]+?) -->\n).*?(<!-- end of options -->\n)",
     re.DOTALL,
 )
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -35,7 +35,9 @@ def commands(of: typer.Typer = app) -> dict[str, Callable[..., None]]:
     found = {}
     for command in of.registered_commands:
         assert command.callback is not None
-        found[command.name or command.callback.__name__] = command.callback
+        found[command.name or command.callback.__name__.replace("_", "-")] = (
+            command.callback
+        )
     for group in of.registered_groups:
         assert group.typer_instance is not None
         below = commands(group.typer_instance)

@@ -37,8 +37,11 @@ SHORTER = {
 }
 """Options that make a command quick; the last of two alike counts."""
 
-TESTED_ELSEWHERE = {"doctor": "tests/test_packaging.py"}
-"""Commands without data, which a test of their own runs."""
+TESTED_ELSEWHERE = {
+    "doctor": "tests/test_packaging.py",
+    "estimate-image": "tests/cli/test_estimate_image.py",
+}
+"""Commands without a dataset, which a test of their own runs."""
 
 DATASETS = ("DATASET", "mydata", "apc11-dev")
 """Names of datasets in the documents; the example stands for them."""

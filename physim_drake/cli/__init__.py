@@ -19,6 +19,7 @@ from physim_drake import __version__
 from physim_drake.cli.detect import detect
 from physim_drake.cli.doctor import doctor
 from physim_drake.cli.estimate import EstimateCommand, estimate
+from physim_drake.cli.estimate_image import estimate_image
 from physim_drake.cli.evaluate import evaluate
 from physim_drake.cli.explain import explain
 from physim_drake.cli.generate import generate
@@ -43,6 +44,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command(cls=EstimateCommand)(estimate)
+app.command()(estimate_image)
 app.command()(evaluate)
 app.command()(report)
 app.command()(explain)

@@ -62,6 +62,7 @@ def load_detections(
 
     The file is a list of ``{"scene_id", "image_id", "category_id", "bbox": [x, y, w,
     h], "score"}``, optionally with a ``segmentation`` in COCO's run-length encoding.
+    Without a score it is 1, and an empty segmentation ``[]`` is none.
     Entries of other images are skipped: BOP's files often cover more than one split.
 
     Args:
@@ -159,10 +160,12 @@ def _read_entry(node: JsonNode, width: int, height: int) -> _Entry:
     if np.abs([x, y, w, h]).max() > _MAX_COORDINATE:
         bbox.fail(f"is {bbox.value}", "give [x, y, width, height] in pixels")
     segmentation = node.get("segmentation")
+    if segmentation is not None and segmentation.value == []:
+        segmentation = None  # COCO's form of a detection without a mask
     return _Entry(
         node["category_id"].integer(),
         np.array([x, y, x + w, y + h]),
-        node["score"].number(),
+        1.0 if (score := node.get("score")) is None else score.number(),
         (width, height),
         None if segmentation is None else read_runs(segmentation, width, height),
     )

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+import logging
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,13 @@ from physim_drake.storage.json_nodes import JsonNode, read_json
 _COLOR_NAMES = ("rgb/{:06d}.png", "rgb/{:06d}.jpg", "gray/{:06d}.png")
 MAX_TRANSLATION_MM = 1e6
 """Longest translation: longer ones are not in mm, or not of a scene on a table."""
+
+_SKEW_OF_ROUNDING = 1e-6
+"""Share of fx: calibration programs write skews of 1e-13 for 0."""
+_ROUNDED_ROTATION = 1e-2
+"""Largest error of R R^T: the true poses of LM-O are off by 2e-3."""
+
+_log = logging.getLogger(__name__)
 
 
 class SceneFiles:
@@ -79,6 +87,8 @@ def read_intrinsics(camera: JsonNode, width: int, height: int) -> CameraIntrinsi
     """The camera of `width` x `height` pixels with the cam_K of its entry."""
     node = camera["cam_K"]
     K = node.array(3, 3)
+    if abs(K[0, 1]) <= _SKEW_OF_ROUNDING * abs(K[0, 0]):
+        K[0, 1] = 0.0
     if np.any(K[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] != [0, 0, 0, 0, 1]):
         node.fail("has skew or lacks [0, 0, 1]", "give fx, 0, cx, 0, fy, cy, 0, 0, 1")
     return CameraIntrinsics.from_matrix(K, width, height)
@@ -94,14 +104,26 @@ def read_camera_pose(camera: JsonNode) -> Array | None:
 def read_pose(node: JsonNode, rotation: str, translation: str) -> Array:
     """The pose (4, 4), m, of BOP's R and t in mm."""
     R = node[rotation].array(3, 3)
-    if not is_rotation(R):
+    if not is_rotation(R, _ROUNDED_ROTATION):
         node[rotation].fail(
             "is not a rotation",
             "give 9 numbers, rows first, of a right-handed rotation",
         )
+    if not is_rotation(R):
+        _tell_of_rounding(str(node.source))
     t_mm = node[translation].array(3)
     if np.abs(t_mm).max() > MAX_TRANSLATION_MM:
         node[translation].fail(
             f"is {np.abs(t_mm).max():g} mm long", "translations are in millimetres"
         )
     return make_pose(nearest_rotation(R), t_mm * 1e-3)
+
+
+@cache
+def _tell_of_rounding(source: str) -> None:
+    """Says once for each file that its rotations were corrected."""
+    _log.warning(
+        "%s: holds rotations that are not quite orthonormal; the nearest rotations "
+        "are used",
+        source,
+    )

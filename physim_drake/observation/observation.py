@@ -190,6 +190,15 @@ class Detection:
                 "give left, top, right, bottom in pixels",
                 "box",
             )
+        if corners[2] < corners[0] or corners[3] < corners[1]:
+            raise InputError(
+                f"detection of object {object_id}",
+                f"is {corners.tolist()}, whose right or bottom lies before its left or "
+                "top",
+                "give left, top, right, bottom; of x, y, width, height that is "
+                "x, y, x + width, y + height",
+                "box",
+            )
         values = (object_id, corners, score, mask, instead)
         for field, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, field.name, value)

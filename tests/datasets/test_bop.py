@@ -289,3 +289,22 @@ def test_mangled_files_raise_only_input_errors(
             dataset.masks(*image)
             dataset.ground_truth(*image)
     path.write_bytes(original)
+
+
+def test_a_skew_of_rounding_is_none(root: Path) -> None:
+    path = scene_file(root, "scene_camera.json")
+    edit(path, lambda c: c["0"]["cam_K"].__setitem__(1, 1e-13))
+    assert BopDataset(root).intrinsics(3, 0).K[0, 1] == 0
+
+
+def test_rotations_off_by_rounding_are_made_orthonormal_and_told_once(
+    root: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rotation = [0, -1.001, 0, 1, 0, 0, 0, 0, 1]
+    path = scene_file(root, "scene_camera.json")
+    edit(path, lambda c: [c[k].update(cam_R_w2c=rotation) for k in ("0", "7")])
+    for im_id in (0, 7):
+        X_WC = BopDataset(root).observation(3, im_id).X_WC
+        assert X_WC is not None
+        np.testing.assert_allclose(X_WC[:3, :3] @ X_WC[:3, :3].T, np.eye(3), atol=1e-9)
+    assert caplog.text.count("not quite orthonormal") == 1

@@ -191,3 +191,13 @@ def test_the_look_up_tells_what_the_targets_leave_out(
     caplog.clear()
     DetectionSource.default(dataset)
     assert caplog.messages == []
+
+
+def test_a_detection_may_lack_score_and_have_an_empty_segmentation(
+    dataset: BopDataset,
+) -> None:
+    entry = detection(segmentation=[])
+    entry.pop("score", None)
+    (found,) = load(dataset, entry)[3, 0]
+    assert found.score == 1.0
+    assert found.mask is None

@@ -98,3 +98,9 @@ def test_a_segment_knows_its_object() -> None:
     none = np.zeros((0, 3))
     segment = Segment(Detection(7, np.zeros(4)), none, none, np.zeros((6, 8), bool))
     assert segment.object_id == 7
+
+
+@pytest.mark.parametrize("box", [[300, 20, 60, 80], [30, 200, 60, 80]])
+def test_a_box_of_x_y_width_height_is_refused(box: list[float]) -> None:
+    with pytest.raises(InputError, match=r"x \+ width, y \+ height"):
+        Detection(1, box)
