@@ -7,7 +7,7 @@ a (4, 4) float array, or (N, 4, 4) for many.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -121,6 +121,13 @@ class SymmetryGroup:
 
     discrete: Array = field(default_factory=lambda: np.eye(4)[None])
     axes: tuple[ContinuousAxis, ...] = ()
+
+    def resized(self, scale: float) -> SymmetryGroup:
+        """The symmetries of an object that is larger by `scale`."""
+        discrete = self.discrete.copy()
+        discrete[:, :3, 3] *= scale
+        axes = tuple(replace(a, point=a.point * scale) for a in self.axes)
+        return SymmetryGroup(discrete, axes)
 
     @property
     def is_ball(self) -> bool:

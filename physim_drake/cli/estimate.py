@@ -200,7 +200,11 @@ def estimate(
         "split": split,
         "models": str(data.models.resolve()),
         "detections": job.detections.name,
-        "surface": "auto" if height is None else f"{height:g}",
+        "surface": "none"
+        if surface == "none"
+        else "auto"
+        if height is None
+        else f"{height:g}",
         "method": str(method),
         "expansions": str(expansions),
         "hypotheses": str(hypotheses),

@@ -128,9 +128,10 @@ LeastScore = Annotated[
 Surface = Annotated[
     str,
     typer.Option(
-        metavar="auto|Z_METRES",
+        metavar="auto|Z_METRES|none",
         help="Height of the support surface in the world, in metres; auto finds the "
-        "surface in each image.",
+        "surface in each image. With none, or if auto finds none, nothing carries the "
+        "objects: they are registered and refined without gravity.",
     ),
 ]
 """Of commands that estimate poses; `surface_height` reads it."""
@@ -248,19 +249,23 @@ LogLevel = Annotated[
 
 
 def surface_height(text: str) -> float | None:
-    """The height that `--surface auto|Z_METRES` gives, m, or None for auto.
+    """The height that `--surface auto|Z_METRES|none` gives, m, or None for auto.
+
+    It is -inf for none.
 
     Raises:
-        InputError: if it is neither.
+        InputError: if it is none of these.
     """
     if text == "auto":
         return None
+    if text == "none":
+        return -math.inf
     try:
         height = float(text)
     except ValueError:
         height = math.nan
     if not math.isfinite(height):
         raise InputError(
-            "--surface", f"is {text!r}", "give auto, or the height in metres"
+            "--surface", f"is {text!r}", "give auto, none, or the height in metres"
         )
     return height

@@ -20,6 +20,13 @@ from physim_drake.estimation.preparation import (
     PreparedScene,
     prepare,
 )
+from physim_drake.estimation.resizing import (
+    resized_estimate,
+    resized_hypotheses,
+    resized_library,
+    resized_record,
+    resized_scene,
+)
 from physim_drake.estimation.scale_check import scale_warning, with_scale_warning
 from physim_drake.estimation.scene_search import SceneSearch, SearchedScene
 from physim_drake.estimation.stage_clock import StageClock
@@ -60,6 +67,7 @@ class PoseEstimator(Closing):
     ) -> None:
         self._library, self._config = library, config or EstimationConfig()
         self._pool = WorkerPool(library, self._config.steps, self._config.workers)
+        self._resized: tuple[float, PoseEstimator] | None = None
 
     def estimate(
         self,
@@ -121,6 +129,10 @@ class PoseEstimator(Closing):
         Raises:
             InputError: if an object has no model.
         """
+        factor = prepared.factor
+        if factor != 1:
+            scene = resized_scene(prepared, 1 / factor)
+            return resized_hypotheses(self._at(factor).hypotheses(scene), factor)
         self._pool.set_scene(prepared.segmented)
         seed = self._config.seed
         requests = [
@@ -145,6 +157,55 @@ class PoseEstimator(Closing):
         Raises:
             InputError: if an object has no model.
         """
+        if prepared.factor == 1:
+            estimate = self._estimate(prepared, hypotheses, on_search)
+        else:
+            estimate = self._estimate_resized(prepared, hypotheses, on_search)
+        wrong = scale_warning(prepared.observation, prepared.detections, self._library)
+        warnings = [text for text in (wrong, prepared.surface.warning) if text]
+        return with_scale_warning(estimate, "; ".join(warnings))
+
+    def close(self) -> None:
+        """Ends the workers."""
+        self._pool.close()
+        if self._resized is not None:
+            self._resized[1].close()
+
+    def _at(self, factor: float) -> PoseEstimator:
+        """What estimates scenes whose lengths were divided by `factor`."""
+        if self._resized is None or self._resized[0] != factor:
+            if self._resized is not None:
+                self._resized[1].close()
+            library = resized_library(self._library, 1 / factor)
+            self._resized = (factor, PoseEstimator(library, self._config))
+        return self._resized[1]
+
+    def _estimate_resized(
+        self,
+        prepared: PreparedScene,
+        hypotheses: Sequence[PoseHypotheses] | None,
+        on_search: Callable[[SearchRecord], None] | None,
+    ) -> SceneEstimate:
+        """The estimate of a scene whose objects are too small or large as it is."""
+        factor = prepared.factor
+        if hypotheses is not None:
+            hypotheses = resized_hypotheses(hypotheses, 1 / factor)
+
+        def tell(record: SearchRecord) -> None:
+            if on_search is not None:
+                on_search(resized_record(record, factor))
+
+        scene = resized_scene(prepared, 1 / factor)
+        estimate = self._at(factor)._estimate(scene, hypotheses, tell)
+        return resized_estimate(estimate, prepared, factor)
+
+    def _estimate(
+        self,
+        prepared: PreparedScene,
+        hypotheses: Sequence[PoseHypotheses] | None,
+        on_search: Callable[[SearchRecord], None] | None,
+    ) -> SceneEstimate:
+        """The estimate of a scene whose objects have a usual size."""
         clock = StageClock({"segments": prepared.seconds})
         self._pool.set_scene(prepared.segmented)
         clock.lap("setup")
@@ -154,7 +215,7 @@ class PoseEstimator(Closing):
         searched = self._searched(prepared, large, found, clock, on_search)
         confidences = self._pool.one(Worker.confidences, searched.placed)
         clock.lap("refinement")
-        estimate = SceneEstimate(
+        return SceneEstimate(
             object_estimates(
                 prepared, searched, confidences, self._library, self._config
             ),
@@ -164,14 +225,6 @@ class PoseEstimator(Closing):
             searched.traces,
             prepared.detections,
         )
-        warning = scale_warning(
-            prepared.observation, prepared.detections, self._library
-        )
-        return with_scale_warning(estimate, warning)
-
-    def close(self) -> None:
-        """Ends the workers."""
-        self._pool.close()
 
     def _large_segments(self, prepared: PreparedScene) -> list[int]:
         """Indices of the segments that have enough points for an estimate."""

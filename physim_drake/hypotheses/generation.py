@@ -155,6 +155,6 @@ def _most_promising(
         promise = lcp[following] * seen**_TRUST_IN_SIGHT
         weights = np.concatenate([weights, promise])
         rest = order[start + count : start + count + 1]
-        if (lcp[rest] <= np.partition(weights, -count)[-count]).all():
+        if len(rest) == 0 or (lcp[rest] <= np.partition(weights, -count)[-count]).all():
             break
     return order[np.argsort(-weights, kind="stable")[:count]]

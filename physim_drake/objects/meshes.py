@@ -246,3 +246,10 @@ def _check_size(path: Path, vertices: Array, unit: float) -> list[str]:
 
 def _first_line(error: Exception) -> str:
     return (str(error) or type(error).__name__).strip().splitlines()[0][:120]
+
+
+def resized(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:
+    """The mesh, larger by `scale` about its origin."""
+    larger = mesh.copy()
+    larger.apply_scale(scale)
+    return larger

@@ -124,6 +124,19 @@ class ObjectModel:
         """Largest distance between two points of the surface, m."""
         return meshes.diameter(self.mesh)
 
+    def resized(self, scale: float) -> ObjectModel:
+        """The same object, larger by `scale` and as dense."""
+        return replace(
+            self,
+            mesh=meshes.resized(self.mesh, scale),
+            symmetry=self.symmetry.resized(scale),
+            mass=self.mass * scale**3,
+            center_of_mass=self.center_of_mass * scale,
+            inertia=self.inertia * scale**5,
+            given_pieces=tuple(meshes.resized(p, scale) for p in self.given_pieces),
+            _samples={},
+        )
+
     @property
     def extents(self) -> Array:
         """Size along the axes of O, (3,), m."""

@@ -116,6 +116,8 @@ class SceneExpander:
             aligned,
             [(self.models[k], X) for k, X in placed.items()],
         )
+        if not self.scene.supported:
+            return freed
         settled = self._settle(index, freed, placed)
         if settled.lost:
             return freed
@@ -145,9 +147,11 @@ class SceneExpander:
         """How far a state is from resting: the farthest that an object settles, m.
 
         Each object settles alone among the others; what counts is how far any point
-        of it can have moved.
+        of it can have moved. Without a surface, every state is at rest.
         """
         farthest = 0.0
+        if not self.scene.supported:
+            return farthest
         for index, X_SO in placed.items():
             settled = self._settle(index, X_SO, placed)
             if settled.lost:

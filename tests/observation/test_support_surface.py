@@ -10,9 +10,11 @@ from physim_drake.camera import DepthImage
 from physim_drake.errors import InputError
 from physim_drake.observation.observation import Detection, RgbdObservation
 from physim_drake.observation.support_surface import (
+    NoSurfaceError,
     SupportSurface,
     find_support_surface,
     heights_above,
+    no_surface,
     surface_at_height,
 )
 from physim_drake.poses import Array, inverse, make_pose, transform_points
@@ -199,3 +201,35 @@ def test_a_noisy_floor_is_found_to_a_tenth_of_a_degree() -> None:
     table = plane_depth(CAMERA, X_WC, [0.0, 0.0, 1.0], 0.0)
     observation = RgbdObservation(noisy(table, 1.0, 0), CAMERA, None, X_WC)
     assert (errors(find_support_surface(observation), X_WC) < [0.1, 0.5]).all()
+
+
+def test_a_camera_whose_pose_is_the_identity_is_doubted_and_the_table_found() -> None:
+    made = synthesize(clutter(), X_WC=X_WC)
+    observation = replace(made.observation, X_WC=np.eye(4))
+    surface = find_support_surface(observation, made.detections)
+    assert "cam_R_w2c" in surface.warning
+    assert errors(surface, X_WC)[0] < 0.5
+
+
+def test_a_right_camera_pose_is_not_doubted() -> None:
+    made = synthesize(clutter())
+    assert find_support_surface(made.observation, made.detections).warning == ""
+
+
+def test_planes_on_the_objects_alone_are_no_surface() -> None:
+    made = synthesize(stack())
+    seen = np.logical_or.reduce(made.masks)
+    cut = replace(
+        made.observation, depth=np.where(seen, made.observation.depth, np.float32(0))
+    )
+    with pytest.raises(NoSurfaceError, match="no plane found under the objects"):
+        find_support_surface(cut, made.detections)
+
+
+def test_no_surface_lies_behind_the_scene_and_keeps_the_world() -> None:
+    observation = synthesize(stack()).observation
+    surface = no_surface(observation)
+    assert not surface.known
+    assert heights_above(surface, np.array([0.0, 0.0, observation.depth.max()])) > 0
+    np.testing.assert_allclose(surface.X_WS @ surface.X_SC, X_WC, atol=1e-12)
+    assert "gravity" in surface.warning
