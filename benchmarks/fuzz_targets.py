@@ -84,7 +84,7 @@ def bop_target(folder: Path) -> Target:
         for ask in (
             dataset.images,
             dataset.targets,
-            dataset._targets_from_ground_truth,
+            lambda: dataset._targets_from_ground_truth(()),
             lambda: dataset.intrinsics(3, 0),
             lambda: dataset.ground_truth(3, 0),
             lambda: dataset.masks(3, 0),

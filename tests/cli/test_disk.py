@@ -316,18 +316,20 @@ def remove(path: Path) -> None:
     ],
 )
 def test_files_of_a_dataset_that_vanish_are_named(
-    refused: Refused,
+    run: Run,
     dataset: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
     lost: str,
     message: str,
 ) -> None:
     after_first(monkeypatch, ResultsWriter, "write_image", dataset / lost)
     out = tmp_path / "r.csv"
-    line = refused("estimate", dataset, "--out", out, *PCA, "--masks")
-    assert line.startswith(f"error: {dataset}")
-    assert message in line
+    assert run("estimate", dataset, "--out", out, *PCA, "--masks") == 3
+    printed = " ".join(capsys.readouterr().err.split())
+    assert f"1/1: failed: {dataset}" in printed
+    assert message in printed
     assert [row.im_id for row in read_results(out)] == [0]
 
 

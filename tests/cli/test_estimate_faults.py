@@ -203,7 +203,6 @@ EARLY_DEFECTS: dict[str, tuple[Callable[[Path], None], list[str], str]] = {
         [],
         "scene_camera.json: is not valid JSON: NaN",
     ),
-    "open": (other_models(1.0, keep_faces=6), [], "cube.obj"),
     "empty": (other_models(1.0, keep_faces=0), [], "cube.obj"),
 }
 

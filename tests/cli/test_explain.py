@@ -74,5 +74,5 @@ def test_surface_is_auto_or_a_height() -> None:
     assert surface_height("auto") is None
     assert surface_height("-0.25") == -0.25
     for text in ("table", "nan", "inf", ""):
-        with pytest.raises(InputError, match="give auto, or the height"):
+        with pytest.raises(InputError, match="give auto, none, or the height"):
             surface_height(text)
